@@ -1,0 +1,40 @@
+"""The shared numerical core and the reproduction harness of five radar papers.
+
+A notebook under ``notebooks/`` derives one paper and shows its algorithm; what it needs and another notebook needs too, or
+what is a textbook formula or a compiled loop, is here.  Two groups of modules, which do not import one another:
+
+=============  =====================================================================================================
+numerical      ``motion`` ``sensor`` ``detection`` ``particles`` ``kalman`` ``association`` ``dynprog``
+harness        ``score`` ``trials`` ``claims`` ``figures`` ``pages`` ``cli`` (and ``paths``, which knows every folder)
+=============  =====================================================================================================
+
+Three names are of the package itself:
+
+``kernel``
+    the one decorator of every compiled loop: Numba's ``njit`` with a disk cache and NumPy's division.  No ``fastmath``, no
+    threads: a sum must have the same bits on every machine and for every number of workers.
+``begin(paper, namespace)``
+    opens a notebook's run: checks its parameters, returns its ledger of claims and its portfolio of figures.
+``page(paper)``
+    the algorithm of a notebook as a module, for tests, benchmarks and your own data.
+"""
+
+from numba import njit
+
+kernel = njit(cache=True, error_model="numpy")
+
+__version__ = "1.0.0"
+
+
+def begin(paper, namespace):
+    """Open the run of a notebook; see :func:`tbdcore.pages.begin`."""
+    from tbdcore import pages
+
+    return pages.begin(paper, namespace)
+
+
+def page(paper):
+    """The algorithm cells of a notebook as a module; see :func:`tbdcore.pages.page`."""
+    from tbdcore import pages
+
+    return pages.page(paper)

@@ -1,0 +1,21 @@
+"""Every folder of the repository, each written once.
+
+The repository is the folder above this package (it is installed in place).  ``TBDCORE_FIGURES`` in the environment moves the
+products of default runs elsewhere: the tests use it, so that checking the committed figures never rewrites them.
+"""
+
+import os
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+NOTEBOOKS = ROOT / "notebooks"  # NN_<paper>.ipynb, committed executed
+DATA = ROOT / "data"  # papers.toml: bibliography
+CLAIMS = DATA / "claims"  # <paper>.csv: what the papers publish
+PACKAGE = ROOT / "tbdcore"
+LOCK = ROOT / "environment.txt"
+BUILD = ROOT / "build"  # everything that is neither source nor product
+
+
+def figures():
+    """The folder of the committed products, or the one that TBDCORE_FIGURES names."""
+    return Path(os.environ.get("TBDCORE_FIGURES") or ROOT / "figures").resolve()
