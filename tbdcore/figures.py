@@ -1,0 +1,257 @@
+"""Figures and tables as products that can be cited: drawn in one style, saved with their data and their provenance.
+
+A product is a set of files with one name, ``<paper>/<figure's own number>``: a figure as PDF, SVG and PNG, a CSV of everything that is
+drawn, and a JSON that says what made it (caption, parameters, seed, trials, claims it shows, a hash of the sources, package versions); a table
+as CSV, Markdown, LaTeX and JSON.  The same run gives the same bytes: no dates, a fixed salt for SVG identifiers, data written with as
+many digits as are certain on any CPU.  The id is embedded in each PDF, SVG and PNG, so that a file found in a report can be
+traced back.
+
+A notebook's ``Portfolio`` keeps its products in memory.  ``publish``, the notebook's last call, writes them all, each beside its place and then
+renamed, after the ledger of claims has been found complete.  A run that fails or is interrupted leaves the old products as they were.
+
+This is the only module that imports matplotlib.  ``COLOURS`` gives each algorithm one colour for the whole repository (Okabe and Ito's palette, which
+the colour-blind can tell apart); ``LINES`` gives it a line style, for print without colour.
+"""
+
+import hashlib
+import io
+import json
+import os
+import re
+from importlib.metadata import version
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from tbdcore import paths
+
+STYLE = {
+    "figure.dpi": 100,
+    "savefig.dpi": 150,
+    "figure.constrained_layout.use": True,
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 9,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.4,
+    "image.cmap": "viridis",
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "tbdcore",
+    "svg.fonttype": "path",
+}
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE, GREY = (
+    "#000000",
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#F0E442",
+    "#0072B2",
+    "#D55E00",
+    "#CC79A7",
+    "#7F7F7F",
+)
+COLOURS = {  # an algorithm keeps its colour through the whole repository
+    "truth": BLACK,
+    "paper": RED,
+    "reference": GREY,
+    "exact": BLACK,
+    "traditional": BLUE,
+    "proposed": ORANGE,
+    "beyond": GREEN,
+}
+LINES = {"reference": "--", "exact": ":", "traditional": "-.", "truth": "--"}
+Z99 = 2.576
+
+
+class Product:
+    """What `save` returns: shows itself as the picture, with its id and caption as text."""
+
+    def __init__(self, id, caption, png):
+        self.id, self.caption, self.png = id, caption, png
+
+    def __repr__(self):
+        return f"{self.id}: {self.caption}"
+
+    def _repr_png_(self):
+        return self.png
+
+
+class Portfolio:
+    """The products of one paper's run.
+
+    Parameters
+    ----------
+    paper : str
+    folder : pathlib.Path
+        Products go to ``folder/<paper>/``.
+    provenance : dict
+        What made them: parameters, seed, trials, hash of the sources.
+    """
+
+    colour = COLOURS
+    line = LINES
+
+    def __init__(self, paper, folder, provenance):
+        self.paper, self.folder, self.provenance = paper, folder, provenance
+        self.files = {}
+
+    def new(self, rows=1, cols=1, width=6.4, height=3.6, **subplots):
+        """A figure in the house style and its axes; sizes in inches."""
+        return new(rows, cols, width, height, **subplots)
+
+    def band(self, ax, x, mean, se, name="reference", label=None, **style):
+        """A Monte Carlo curve with its 99 % band; NaNs are gaps."""
+        style = {"color": COLOURS[name], "ls": LINES.get(name, "-")} | style
+        mean, se = np.asarray(mean, float), np.asarray(se, float)
+        (line,) = ax.plot(x, mean, label=label or name, **style)
+        ax.fill_between(x, mean - Z99 * se, mean + Z99 * se, color=line.get_color(), alpha=0.2, lw=0)
+        return line
+
+    def save(self, fig, name, data=None, caption="", claims=()):
+        """Keep a figure as ``<paper>/<name>``; returns a Product that displays it.
+
+        `data` is a DataFrame of everything drawn (None for a schematic only), `claims` the ids of the claims the figure shows.
+        Raises ValueError for a name that was used before, or a missing caption.
+        """
+        id = self._id(name, caption)
+        with matplotlib.rc_context(STYLE):
+            pictures = {extension: _render(fig, id, extension) for extension in ("pdf", "svg", "png")}
+        for extension, content in pictures.items():
+            self.files[f"{name}.{extension}"] = content
+        if data is not None:
+            self.files[f"{name}.csv"] = _csv(data)
+        self.files[f"{name}.json"] = self._json(id, caption, claims)
+        return Product(id, caption, pictures["png"])
+
+    def table(self, frame, name, caption="", claims=()):
+        """Keep a table as ``<paper>/<name>`` in CSV, Markdown and LaTeX; returns the frame, which displays itself."""
+        id = self._id(name, caption)
+        self.files[f"{name}.csv"] = _csv(frame)
+        self.files[f"{name}.md"] = markdown(frame).encode()
+        self.files[f"{name}.tex"] = latex(frame).encode()
+        self.files[f"{name}.json"] = self._json(id, caption, claims)
+        return frame
+
+    def publish(self, ledger):
+        """Write all products and verdicts.csv; raises, and writes nothing, unless the ledger is complete."""
+        table = ledger.table()
+        files = {**self.files, "verdicts.csv": _csv(table)}
+        write(self.folder / self.paper, files)
+        print(f"{self.paper}: {len(table)} claims ({ledger.summary()}); {len(files)} files")
+
+    def _id(self, name, caption):
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+            raise ValueError(f"{self.paper}: product name {name!r}: use small letters, digits and underscores")
+        if f"{name}.json" in self.files:
+            raise ValueError(f"{self.paper}: product {name!r} is saved twice; give every figure and table its own name")
+        if not caption:
+            raise ValueError(f"{self.paper}: product {name!r} has no caption; say what it shows")
+        return f"{self.paper}/{name}"
+
+    def _json(self, id, caption, claims):
+        about = {"id": id, "caption": caption, "paper": self.paper, "claims": list(claims), **self.provenance}
+        return (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
+    """A figure in the house style and its axes (one, or an array of them); sizes in inches."""
+    with matplotlib.rc_context(STYLE):
+        fig = Figure(figsize=(width, height))
+        return fig, fig.subplots(rows, cols, **subplots)
+
+
+def write(folder, files):
+    """Write files (name -> bytes) into a folder: all beside their places first, then renamed.
+
+    Raises OSError, with nothing replaced, when the folder cannot be made or written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    beside = [(folder / f".{name}.part", folder / name) for name in files]
+    try:
+        for (part, _), content in zip(beside, files.values(), strict=True):
+            part.write_bytes(content)
+        for part, place in beside:
+            os.replace(part, place)
+    finally:
+        for part, _ in beside:
+            part.unlink(missing_ok=True)
+
+
+def versions():
+    """Versions of the packages that numbers and pictures depend on."""
+    return {name: version(name) for name in ("numpy", "scipy", "numba", "matplotlib", "pandas")}
+
+
+def digest(contents):
+    """Short hash of some bytes strings, for provenance."""
+    total = hashlib.sha256()
+    for content in contents:
+        total.update(hashlib.sha256(content).digest())
+    return total.hexdigest()[:16]
+
+
+def _render(fig, id, extension):
+    """One picture as bytes, the same bytes every time, with its id inside."""
+    metadata = {
+        "pdf": {"Title": id, "CreationDate": None},
+        "svg": {"Title": id, "Date": None},
+        "png": {"Title": id, "Software": None},
+    }[extension]
+    buffer = io.BytesIO()
+    fig.savefig(buffer, format=extension, metadata=metadata)
+    return buffer.getvalue()
+
+
+def _csv(frame):
+    """A frame as CSV, numbers to six significant digits: fewer than differ between CPUs, more than any figure shows."""
+    index = frame.index.names != [None] or not isinstance(frame.index, pd.RangeIndex)
+    return frame.to_csv(index=index, float_format="%.6g", lineterminator="\n").encode()
+
+
+def _cells(frame):
+    """Header and rows of a frame as text; a named index becomes a column."""
+    flat = frame.reset_index() if frame.index.names != [None] else frame
+    rows = [[_cell(value) for value in row] for row in flat.itertuples(index=False, name=None)]
+    return [_cell(" ".join(map(str, name)) if isinstance(name, tuple) else name) for name in flat.columns], rows
+
+
+def _cell(value):
+    """One cell as text; NaN is empty."""
+    if isinstance(value, float | np.floating):
+        return "" if np.isnan(value) else f"{value:.6g}"
+    return str(value)
+
+
+def markdown(frame):
+    """A frame as a Markdown table."""
+    header, rows = _cells(frame)
+    lines = [header, ["---"] * len(header), *rows]
+    return "".join("| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |\n" for line in lines)
+
+
+_TEX = {"\\": r"\textbackslash{}", **{c: "\\" + c for c in "&%$#_{}"}, "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+
+
+def latex(frame):
+    """A frame as a LaTeX tabular with booktabs rules; cells in dollars stay mathematics, everything else is escaped."""
+    header, rows = _cells(frame)
+
+    def line(cells):
+        return " & ".join(_tex(cell) for cell in cells) + r" \\"
+
+    body = [line(header), r"\midrule", *map(line, rows)]
+    return "\n".join([rf"\begin{{tabular}}{{{'l' * len(header)}}}", r"\toprule", *body, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def _tex(text):
+    """Text with LaTeX's special characters escaped outside mathematics."""
+    pieces = re.split(r"(\$[^$]+\$)", text)
+    return "".join(piece if i % 2 else "".join(_TEX.get(c, c) for c in piece) for i, piece in enumerate(pieces))

@@ -1,0 +1,190 @@
+"""Monte Carlo whose digits do not depend on who computes them.
+
+A trial is a function ``trial(seed, i)`` of two plain integers.  It makes its own generators from them,
+
+    ``rng = generator(seed, "track_cfar", "fig05", i, "noise")``,
+
+one for each *purpose*: ``truth`` (what the world does), ``noise`` (what the radar adds), ``filter`` (what the algorithm draws).
+Nothing else is random.  Four things follow:
+
+* trial 17 can be run again alone, ``trial(seed, 17)``, in a debugger, and is the trial 17 of the big run;
+* a changed filter does not move the data, so two algorithms see the same scenes and their difference is a paired one;
+* one worker and a hundred give the same bits, since no stream is shared and results are put back in trial order;
+* experiments do not disturb one another: a name in the key keeps their streams apart.
+
+The key of a stream is ``SeedSequence(seed, spawn_key=(paper, experiment, trial, purpose))``.  Names become integers by CRC-32,
+which is the same on every machine (Python's own ``hash`` is not).
+
+``run`` is the loop over trials.  It hands chunks of indices to any ``concurrent.futures.Executor``: processes on this machine
+by default (``loky``, which carries functions that were written in a notebook), one process when ``workers=1``, a
+``dask.distributed`` cluster when a scheduler's address is given.  What a trial returns, a number, an array, or a (named) tuple of
+them, comes back with a leading axis of length n.
+"""
+
+import contextlib
+import os
+from concurrent.futures import Executor
+from zlib import crc32
+
+import numpy as np
+from tqdm import tqdm
+
+PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
+CHUNKS_PER_WORKER = 8  # small enough to balance the load, large enough to hide the cost of sending
+
+
+def generator(seed, paper, experiment, trial, purpose):
+    """Random generator of one purpose in one trial.
+
+    Parameters
+    ----------
+    seed, trial : int
+        Root of the run and index of the trial, both >= 0.
+    paper, experiment : str
+        Names that keep streams apart.
+    purpose : {"truth", "noise", "filter"}
+
+    Raises
+    ------
+    ValueError
+        For an unknown purpose or a negative integer.
+    """
+    if purpose not in PURPOSES:
+        raise ValueError(f"trials.generator: purpose {purpose!r} is none of {', '.join(PURPOSES)}")
+    if seed < 0 or trial < 0:
+        raise ValueError(f"trials.generator: seed {seed} and trial {trial} must not be negative")
+    key = (crc32(paper.encode()), crc32(experiment.encode()), trial, PURPOSES[purpose])
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
+
+
+def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials"):
+    """Results of ``trial(seed, 0) ... trial(seed, n - 1)``, stacked along a leading axis.
+
+    Parameters
+    ----------
+    trial : callable (seed, i) -> float | ndarray | tuple | NamedTuple
+        All trials return the same shapes.
+    n : int
+        Number of trials, at least 1.
+    workers : int
+        Processes on this machine; 0: one for each core, 1: none, the loop runs here.
+    scheduler : str
+        Address of a dask scheduler; empty: this machine.
+    executor : concurrent.futures.Executor, optional
+        Used instead of both, and left open.
+
+    Raises
+    ------
+    ValueError
+        For n < 1 or workers < 0.
+    ConnectionError
+        When no scheduler answers at the address.
+    RuntimeError
+        When a trial raises: the message names the trial, so that it can be run again alone.
+    """
+    if n < 1:
+        raise ValueError(f"trials.run: n is {n}; at least one trial is needed")
+    if workers < 0:
+        raise ValueError(f"trials.run: workers is {workers}; give 0 for one process per core, or a count")
+    with _executor(executor, workers, scheduler) as pool:
+        parts = _here(trial, n, seed, label) if pool is None else _spread(pool, trial, n, seed, label)
+    return _join(parts)
+
+
+def cores():
+    """Number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+
+
+@contextlib.contextmanager
+def _executor(executor, workers, scheduler):
+    """The executor to use, or None for a plain loop; closed on the way out if it was opened here."""
+    if executor is not None:
+        yield executor
+    elif scheduler:
+        with _dask(scheduler) as pool:
+            yield pool
+    elif (workers or cores()) == 1:
+        yield None
+    else:
+        yield _processes(workers or cores())
+
+
+def _processes(workers):
+    """Processes of this machine, kept alive between runs; their BLAS has one thread, as the trials are what runs in parallel."""
+    from loky import get_reusable_executor
+
+    one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+    return get_reusable_executor(max_workers=workers, timeout=120, env=one)
+
+
+@contextlib.contextmanager
+def _dask(address):
+    """Executor of the dask scheduler at an address."""
+    try:
+        from distributed import Client
+    except ModuleNotFoundError:
+        raise ConnectionError(
+            f"scheduler {address!r}: the package distributed is not installed; use: pip install 'tbdcore[cluster]'"
+        ) from None
+    try:
+        client = Client(address, timeout=5, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise ConnectionError(
+            f"scheduler {address!r}: no dask scheduler answers there ({type(error).__name__}); "
+            "check the address, or leave it empty for this machine"
+        ) from None
+    with client, client.get_executor() as pool:
+        yield pool
+
+
+def _chunks(n, count):
+    """About `count` half-open ranges that cover 0..n."""
+    size = max(1, n // count)
+    return [(i, min(i + size, n)) for i in range(0, n, size)]
+
+
+def _here(trial, n, seed, label):
+    """The loop itself, in this process."""
+    return [_chunk(trial, seed, *ends) for ends in tqdm(_chunks(n, 100), desc=label, disable=None, leave=False)]
+
+
+def _spread(pool: Executor, trial, n, seed, label):
+    """Chunks of the loop on an executor, gathered in trial order whatever the order in which they end."""
+    ranges = _chunks(n, CHUNKS_PER_WORKER * (getattr(pool, "_max_workers", None) or cores()))
+    jobs = [pool.submit(_chunk, trial, seed, *ends) for ends in ranges]
+    try:
+        return [job.result() for job in tqdm(jobs, desc=label, disable=None, leave=False)]
+    except BaseException:
+        for job in jobs:
+            job.cancel()
+        raise
+
+
+def _chunk(trial, seed, first, last):
+    """Trials first..last-1, joined."""
+    results = []
+    for i in range(first, last):
+        try:
+            results.append(_lead(trial(seed, i)))
+        except Exception as error:
+            raise RuntimeError(f"trial {i} of seed {seed}: {type(error).__name__}: {error}") from error
+    return _join(results)
+
+
+def _lead(result):
+    """The result of one trial with a leading axis of length 1."""
+    return _rebuild(result, [np.asarray(field)[None] for field in result]) if isinstance(result, tuple) else np.asarray(result)[None]
+
+
+def _join(parts):
+    """Results along the leading axis, field by field."""
+    first = parts[0]
+    if isinstance(first, tuple):
+        return _rebuild(first, [np.concatenate(fields) for fields in zip(*parts, strict=True)])
+    return np.concatenate(parts)
+
+
+def _rebuild(like, fields):
+    """A tuple of the same kind with other fields."""
+    return like._make(fields) if hasattr(like, "_make") else tuple(fields)
