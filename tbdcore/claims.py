@@ -1,28 +1,31 @@
-'''Published numbers, our numbers, and what may be said of the two.
+"""Published numbers, our numbers, and what may be said of the two.
 
-``data/claims/<paper>.csv`` lists everything a paper publishes, one row each.  All values are read as text, since "287.10" says that
-its last digit is a hundredth and the number 287.1 does not.  A notebook opens a ledger for its paper and enters a verdict for each row:
+``data/claims/<paper>.csv`` lists everything a paper publishes, one row each.  All values are read as text, since
+"287.10" says that its last digit is a hundredth and the number 287.1 does not.  A notebook opens a ledger for its
+paper and enters a verdict for each row:
 
-================  ==================================================================================================================
+================  ==================================================================================================
 ``reproduced``    our 99 % interval lies inside the band around the printed value
-``differs``       our interval lies outside the band; the file must give a cause, and the notebook the experiment that shows it
-``inconclusive``  the interval straddles an edge of the band and our error is more than a fifth of the band; the message says how many
-                  trials would settle it.  With a smaller error the point estimate decides
+``differs``       our interval lies outside the band; the file must give a cause, and the notebook the experiment behind it
+``inconclusive``  the interval straddles an edge of the band and our error is more than a fifth of the band; the message says
+                  how many trials would settle it (with a smaller error the point estimate decides)
 ``untestable``    needs what nobody here has, or is an opinion; with the reason
 ``used``          an input: the parameter the code runs with equals the printed one
-================  ==================================================================================================================
+================  ==================================================================================================
 
-The band of a number is half its last printed digit, plus 2.6 standard errors of the *paper's own* Monte Carlo: an average of 100 runs
-cannot be right to more digits than 100 runs allow.  That error is ours, scaled from our number of trials to the paper's,
-``se * sqrt(n / paper_n)``.  A claim that is no number (an ordering, a trend, a bound, a statement) is settled by a *margin* which is positive
-where the claim holds, with its standard error, or, where no chance is involved, by a plain truth value and the evidence in words.
+The band of a number is half its last printed digit, plus 2.6 standard errors of the *paper's own* Monte Carlo: an
+average of 100 runs cannot be right to more digits than 100 runs allow.  That error is ours, scaled from our number of
+trials to the paper's, ``se * sqrt(n / paper_n)``.  A claim that is no number (an ordering, a trend, a bound, a
+statement) is settled by a *margin* which is positive where the claim holds, with its standard error, or, where no
+chance is involved, by a plain truth value and the evidence in words.
 
-Bands follow from the printed text and from ``paper_n`` alone, and so are fixed before anything is measured.  The ledger is complete
-or it fails: ``Ledger.table`` raises when a row has no verdict or two, when something differs without a cause, and when a cause is given
-for something that does not differ.  ``scorecard`` counts the verdicts of all papers.
+Bands follow from the printed text and from ``paper_n`` alone, and so are fixed before anything is measured.  The
+ledger is complete or it fails: ``Ledger.table`` raises when a row has no verdict or two, when something differs
+without a cause, and when a cause is given for something that does not differ.  ``scorecard`` counts the verdicts of
+all papers.
 
 This module judges numbers and knows nothing of how they came about: it imports none of the numerical ones.
-'''
+"""
 
 import csv
 import dataclasses
@@ -39,8 +42,10 @@ COLUMNS = ("id", "item", "quantity", "conditions", "value", "unit", "kind", "whe
 KINDS = ("input", "number", "ordering", "trend", "bound", "statement")
 VERDICTS = ("reproduced", "differs", "inconclusive", "untestable", "used")
 UNITS = {  # printed unit: (dimension, size in the unit the code would use)
-    **{u: ("number", 1.0) for u in ("", "-", "cells", "cell", "frame", "frames", "particles", "runs", "trials", "power")},
-    **{u: ("number", 1.0) for u in ("scans (about)", "not printed", "cells/frame", "cell/s", "1/m^2 (inferred)", "1/rad^2 (inferred)")},
+    **dict.fromkeys(("", "-", "cells", "cell", "frame", "frames", "particles", "runs", "trials", "power"), ("number", 1.0)),
+    **dict.fromkeys(
+        ("scans (about)", "not printed", "cells/frame", "cell/s", "1/m^2 (inferred)", "1/rad^2 (inferred)"), ("number", 1.0)
+    ),
     "%": ("ratio", 0.01),
     "dB": ("level", 1.0),
     "m": ("length", 1.0),
@@ -96,8 +101,9 @@ class Verdict(NamedTuple):
 def read(paper, folder=None):
     """Claims of a paper by id.
 
-    Raises ValueError, naming file, row and column, for a file that a spreadsheet has touched (byte-order mark, CRLF, semicolons, a lost
-    column), a duplicate id, an unknown kind or unit, or a number that is none; FileNotFoundError when the paper has no file.
+    Raises ValueError, naming file, row and column, for a file that a spreadsheet has touched (byte-order mark, CRLF,
+    semicolons, a lost column), a duplicate id, an unknown kind or unit, or a number that is none; FileNotFoundError
+    when the paper has no file.
     """
     path = (folder or paths.CLAIMS) / f"{paper}.csv"
     if not path.is_file():
@@ -145,7 +151,9 @@ def _claim(name, number, row):
     """One validated row."""
     if len(row) != len(COLUMNS):
         column = COLUMNS[min(len(row), len(COLUMNS)) - 1]
-        raise ValueError(f"{name}, row {number}, column {column}: {len(row)} fields instead of {len(COLUMNS)}; quote fields with commas")
+        raise ValueError(
+            f"{name}, row {number}, column {column}: {len(row)} fields instead of {len(COLUMNS)}; quote fields with commas"
+        )
     claim = Claim(*row)
     for column, allowed in (("kind", KINDS), ("unit", UNITS)):
         if getattr(claim, column) not in allowed:
@@ -242,8 +250,11 @@ def digits(value, se=0.0):
 
 
 def given(default, symbol, unit="", row="open"):
-    """A field of a scenario's frozen dataclass: its value, its letter in the paper (TeX without dollars), its unit, and the id of the row that prints
-    it, or "open" where the paper is silent."""
+    """A field of a scenario's frozen dataclass.
+
+    Its value, its letter in the paper (TeX without dollars), its unit, and the id of the row that prints it, or "open" where
+    the paper is silent.
+    """
     return dataclasses.field(default=default, metadata={"symbol": symbol, "unit": unit, "row": row})
 
 
@@ -254,8 +265,8 @@ class Ledger:
     ----------
     paper : str
     strict : bool
-        True in a run with default parameters: then causes must match verdicts.  With other parameters or few trials the verdicts may
-        rightly differ, and only completeness is required.
+        True in a run with default parameters: then causes must match verdicts.  With other parameters or few trials
+        the verdicts may rightly differ, and only completeness is required.
     """
 
     def __init__(self, paper, strict=True, folder=None):
@@ -266,8 +277,9 @@ class Ledger:
     def check(self, id, measured, *, se=0.0, n=None, paper_n=None, evidence=""):
         """Judge a claim; see the module docstring.
 
-        `measured` is our number (in the printed unit) for a row of kind number; a margin, positive where the claim holds, for the other kinds, or a
-        plain bool where no chance is involved, for which `evidence` is mandatory.  `evidence` is what the table shows.
+        `measured` is our number (in the printed unit) for a row of kind number; a margin, positive where the claim
+        holds, for the other kinds, or a plain bool where no chance is involved, for which `evidence` is mandatory.
+        `evidence` is what the table shows.
         """
         claim = self._open(id)
         if claim.kind == "input":
@@ -304,7 +316,9 @@ class Ledger:
             raise ValueError(f"{self.paper}: {id} is of kind {claim.kind}; only inputs are used")
         same = _same(claim, value, claim.unit if unit is None else unit)
         if not same and self.strict:
-            raise ValueError(f"{self.paper}: {id}: the code runs with {value!r} {unit or ''}, the paper prints {claim.value!r} {claim.unit}")
+            raise ValueError(
+                f"{self.paper}: {id}: the code runs with {value!r} {unit or ''}, the paper prints {claim.value!r} {claim.unit}"
+            )
         shown = _plain(value) + (f" {unit}" if unit else "")
         return self._enter(claim, shown, "", None, "used" if same else "differs", "" if same else "parameter changed in this run")
 
@@ -328,7 +342,8 @@ class Ledger:
     def table(self):
         """All verdicts in the order of the claims file.
 
-        Raises ValueError when a claim has none and, in a default run, when something differs without a cause or has a cause without differing.
+        Raises ValueError when a claim has none and, in a default run, when something differs without a cause or has a
+        cause without differing.
         """
         missing = [id for id in self.claims if id not in self.verdicts]
         if missing:
@@ -338,7 +353,9 @@ class Ledger:
             if verdict.verdict == "differs" and not cause:
                 raise ValueError(f"{self.paper}: {id} differs and data/claims/{self.paper}.csv gives no cause: {verdict!r}")
             if verdict.verdict != "differs" and cause:
-                raise ValueError(f"{self.paper}: {id} is {verdict.verdict} but data/claims/{self.paper}.csv gives a cause for a difference")
+                raise ValueError(
+                    f"{self.paper}: {id} is {verdict.verdict} but data/claims/{self.paper}.csv gives a cause for a difference"
+                )
         rows = [self.verdicts[id][:9] for id in self.claims]
         return pd.DataFrame(rows, columns=Verdict._fields[:9])
 
@@ -359,7 +376,9 @@ class Ledger:
         """Enter a verdict and return it."""
         published = f"{claim.value} {claim.unit}" if claim.unit not in ("", "-", "not printed") else claim.value
         count = "" if n is None else str(int(n))
-        self.verdicts[claim.id] = Verdict(claim.id, claim.item, claim.quantity, published, measured, se, count, verdict, cause, note)
+        self.verdicts[claim.id] = Verdict(
+            claim.id, claim.item, claim.quantity, published, measured, se, count, verdict, cause, note
+        )
         return self.verdicts[claim.id]
 
 
@@ -400,8 +419,8 @@ def nearest(word, words):
 def scorecard(folder=None):
     """Count of verdicts by paper, with the `differs` that chance alone would give.
 
-    A Monte Carlo claim that is true is called `differs` with a probability of at most 1 % (two 99 % margins add up), so among m of them
-    at most 0.01 m are expected.
+    A Monte Carlo claim that is true is called `differs` with a probability of at most 1 % (two 99 % margins add up),
+    so among m of them at most 0.01 m are expected.
 
     Raises FileNotFoundError when a paper has no verdicts, ValueError when its claims and verdicts do not match.
     """
@@ -412,7 +431,11 @@ def scorecard(folder=None):
         chance = 0.01 * ((table["se"] != "") & table["verdict"].isin(VERDICTS[:3])).sum()
         rows.append([paper, len(table), *(int(counts.get(verdict, 0)) for verdict in VERDICTS), f"{chance:.2f}"])
     card = pd.DataFrame(rows, columns=["paper", "claims", *VERDICTS, "differs by chance, at most"])
-    total = ["all", *(int(card[column].sum()) for column in card.columns[1:-1]), f"{card.iloc[:, -1].astype(float).sum():.2f}"]
+    total = [
+        "all",
+        *(int(card[column].sum()) for column in card.columns[1:-1]),
+        f"{card.iloc[:, -1].astype(float).sum():.2f}",
+    ]
     card.loc[len(card)] = total
     return card
 
@@ -425,5 +448,7 @@ def verdicts(paper, folder=None):
     table = pd.read_csv(path, dtype=str, keep_default_na=False)
     if list(table["id"]) != list(read(paper)):
         odd = sorted(set(table["id"]) ^ set(read(paper))) or ["their order"]
-        raise ValueError(f"{paper}: verdicts.csv and data/claims/{paper}.csv do not match in {', '.join(odd)}; run tbdcore run {paper}")
+        raise ValueError(
+            f"{paper}: verdicts.csv and data/claims/{paper}.csv do not match in {', '.join(odd)}; run tbdcore run {paper}"
+        )
     return table

@@ -1,16 +1,18 @@
 """Figures and tables as products that can be cited: drawn in one style, saved with their data and their provenance.
 
-A product is a set of files with one name, ``<paper>/<figure's own number>``: a figure as PDF, SVG and PNG, a CSV of everything that is
-drawn, and a JSON that says what made it (caption, parameters, seed, trials, claims it shows, a hash of the sources, package versions); a table
-as CSV, Markdown, LaTeX and JSON.  The same run gives the same bytes: no dates, a fixed salt for SVG identifiers, data written with as
-many digits as are certain on any CPU.  The id is embedded in each PDF, SVG and PNG, so that a file found in a report can be
-traced back.
+A product is a set of files with one name, ``<paper>/<figure's own number>``: a figure as PDF, SVG and PNG, a CSV of
+everything that is drawn, and a JSON that says what made it (caption, parameters, seed, trials, claims it shows, a
+hash of the sources, package versions); a table as CSV, Markdown, LaTeX and JSON.  The same run gives the same bytes:
+no dates, a fixed salt for SVG identifiers, data written with as many digits as are certain on any CPU.  The id is
+embedded in each PDF, SVG and PNG, so that a file found in a report can be traced back.
 
-A notebook's ``Portfolio`` keeps its products in memory.  ``publish``, the notebook's last call, writes them all, each beside its place and then
-renamed, after the ledger of claims has been found complete.  A run that fails or is interrupted leaves the old products as they were.
+A notebook's ``Portfolio`` keeps its products in memory.  ``publish``, the notebook's last call, writes them all, each
+beside its place and then renamed, after the ledger of claims has been found complete.  A run that fails or is
+interrupted leaves the old products as they were.
 
-This is the only module that imports matplotlib.  ``COLOURS`` gives each algorithm one colour for the whole repository (Okabe and Ito's palette, which
-the colour-blind can tell apart); ``LINES`` gives it a line style, for print without colour.
+This is the only module that imports matplotlib.  ``COLOURS`` gives each algorithm one colour for the whole repository
+(Okabe and Ito's palette, which the colour-blind can tell apart); ``LINES`` gives it a line style, for print without
+colour.
 """
 
 import hashlib
@@ -24,8 +26,6 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-
-from tbdcore import paths
 
 STYLE = {
     "figure.dpi": 100,
@@ -237,7 +237,12 @@ def markdown(frame):
     return "".join("| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |\n" for line in lines)
 
 
-_TEX = {"\\": r"\textbackslash{}", **{c: "\\" + c for c in "&%$#_{}"}, "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+_TEX = {
+    "\\": r"\textbackslash{}",
+    **{c: "\\" + c for c in "&%$#_{}"},
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+}
 
 
 def latex(frame):

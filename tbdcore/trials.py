@@ -114,7 +114,7 @@ def _processes(workers):
     """Processes of this machine, kept alive between runs; their BLAS has one thread, as the trials are what runs in parallel."""
     from loky import get_reusable_executor
 
-    one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     return get_reusable_executor(max_workers=workers, timeout=120, env=one)
 
 
@@ -174,7 +174,9 @@ def _chunk(trial, seed, first, last):
 
 def _lead(result):
     """The result of one trial with a leading axis of length 1."""
-    return _rebuild(result, [np.asarray(field)[None] for field in result]) if isinstance(result, tuple) else np.asarray(result)[None]
+    return (
+        _rebuild(result, [np.asarray(field)[None] for field in result]) if isinstance(result, tuple) else np.asarray(result)[None]
+    )
 
 
 def _join(parts):

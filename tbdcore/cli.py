@@ -1,0 +1,184 @@
+"""The command line: ``tbdcore run | score``.
+
+``run``     executes notebooks with checked parameters, one line of progress each, products written only on success
+``score``   the scorecard of all papers from their verdicts
+
+Exit codes: 0 good, 1 a check failed, 2 bad usage or input, 3 the environment.  An error is one line on standard
+error: what, where, what to do.
+"""
+
+import argparse
+import ast
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from tbdcore import paths
+
+GOOD, FAILED, USAGE, ENVIRONMENT = 0, 1, 2, 3
+
+
+class Fault(Exception):
+    """An error to be told in one line, with its exit code."""
+
+    def __init__(self, message, code=USAGE):
+        super().__init__(message)
+        self.code = code
+
+
+def main(argv=None):
+    """Entry point; returns the exit code."""
+    try:
+        arguments = _parser().parse_args(argv)
+        return arguments.command(arguments)
+    except Fault as fault:
+        return _complain(fault, fault.code)
+    except (ValueError, FileNotFoundError) as error:
+        return _complain(error, USAGE)
+    except (OSError, ModuleNotFoundError) as error:
+        return _complain(error, ENVIRONMENT)
+    except KeyboardInterrupt:
+        return _complain("interrupted; nothing was replaced", 130)
+
+
+def _complain(error, code):
+    print(f"tbdcore: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message):
+        raise Fault(f"{message}; see: {self.prog} --help")
+
+
+def _parser():
+    parser = _Parser(prog="tbdcore", description="Run, score and cite the reproduction of five radar papers.")
+    commands = parser.add_subparsers(required=True, metavar="command", parser_class=_Parser)
+    run = commands.add_parser("run", help="execute notebooks", description="Execute notebooks; all papers if none is named.")
+    run.add_argument("papers", nargs="*", metavar="PAPER")
+    run.add_argument("-p", dest="given", action="append", default=[], metavar="name=value", help="set a parameter of the notebooks")
+    run.add_argument("--quick", action="store_true", help="few trials, into build/quick; never touches figures/")
+    run.add_argument("--workers", type=int, metavar="N", help="processes, 0 for one per core")
+    run.add_argument("--scheduler", metavar="ADDRESS", help="address of a dask scheduler")
+    run.add_argument("--out", metavar="DIR", help="folder for the products instead of figures/")
+    run.add_argument("--in-place", action="store_true", help="refresh the committed notebooks as well")
+    run.set_defaults(command=_run)
+    score = commands.add_parser(
+        "score", help="scorecard from the verdicts", description="Scorecard from the verdicts of all papers."
+    )
+    score.add_argument("--out", metavar="DIR", help="folder that holds the products instead of figures/")
+    score.set_defaults(command=_score)
+    return parser
+
+
+def _run(arguments):
+    """Execute the notebooks of some papers one after the other."""
+    from tbdcore import pages
+
+    jobs = {paper: _values(paper, arguments) for paper in arguments.papers or pages.papers()}
+    if arguments.in_place and (arguments.given or arguments.quick or arguments.out):
+        raise Fault("--in-place refreshes the committed notebooks, which stand for default parameters; drop -p, --quick and --out")
+    _reachable(arguments.scheduler)
+    for paper, values in jobs.items():
+        _run_one(paper, values, arguments)
+    return GOOD
+
+
+def _run_one(paper, values, arguments):
+    """Execute one notebook and say in a line what came of it."""
+    from tbdcore import pages
+
+    output = (paths.BUILD / "quick" if arguments.quick else paths.BUILD) / pages.path(paper).name
+    start = time.monotonic()
+    print(f"{paper}: running", flush=True)
+    try:
+        pages.execute(paper, values, output, progress={"desc": paper, "disable": None, "leave": False})
+    except RuntimeError as error:
+        raise Fault(error, FAILED) from None
+    notebook = json.loads(output.read_text(encoding="utf-8"))
+    if arguments.in_place:
+        text = json.dumps(pages.clean(notebook), indent=1, ensure_ascii=False) + "\n"
+        part = pages.path(paper).with_suffix(".part")
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, pages.path(paper))
+    said = [
+        line for cell in notebook["cells"] for out in cell.get("outputs", ()) for line in "".join(out.get("text", "")).splitlines()
+    ]
+    last = next((line for line in reversed(said) if line.startswith(f"{paper}: ")), f"{paper}: done")
+    print(f"{last}; {time.monotonic() - start:.0f} s", flush=True)
+
+
+def _values(paper, arguments):
+    """The parameters of one notebook that the command line sets, checked."""
+    from tbdcore import pages
+
+    known = pages.parameters(paper)
+    values = {}
+    if arguments.quick:
+        values |= {name: parameter.quick for name, parameter in known.items() if parameter.quick is not None}
+        values["out"] = str(paths.BUILD / "quick")
+    values |= {name: getattr(arguments, name) for name in ("workers", "scheduler", "out") if getattr(arguments, name) is not None}
+    for text in arguments.given:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise Fault(f"-p {text}: write -p name=value")
+        values[name] = _value(value, known[name].type if name in known else "str")
+    values = pages.validate(paper, values)
+    changed = any(values[name] != known[name].default for name in values if name not in pages.PLUMBING)
+    if changed and not values.get("out"):
+        values["out"] = str(paths.BUILD / "run")
+    if values.get("out"):
+        paths.BUILD.mkdir(exist_ok=True)
+        values["out"] = str(pages.usable(values["out"]))
+    return values
+
+
+def _value(text, kind):
+    """A parameter from the command line: text for a str, a Python literal for everything else."""
+    if kind == "str":
+        return text
+    try:
+        value = ast.literal_eval(
+            f"[{text}]" if kind == "list" and not text.startswith("[") else text.capitalize() if kind == "bool" else text
+        )
+    except (ValueError, SyntaxError):
+        return text  # of the wrong type, as validate will say
+    return value
+
+
+def _reachable(scheduler):
+    """Raise unless a dask scheduler answers."""
+    from tbdcore import trials
+
+    if scheduler:
+        try:
+            trials.run(_nothing, 1, seed=0, scheduler=scheduler)
+        except ConnectionError as error:
+            raise Fault(error, ENVIRONMENT) from None
+
+
+def _nothing(seed, i):
+    return 0.0
+
+
+def _score(arguments):
+    """Write figures/scorecard.{csv,md} and print it; fail when a claim is missing."""
+    from tbdcore import claims, figures
+
+    folder = Path(arguments.out) if arguments.out else paths.figures()
+    try:
+        card = claims.scorecard(folder)
+    except (ValueError, FileNotFoundError) as error:
+        raise Fault(error, FAILED) from None
+    text = figures.markdown(card)
+    figures.write(folder, {"scorecard.csv": figures._csv(card), "scorecard.md": text.encode()})
+    print(text, end="")
+    return GOOD
+
+
+if __name__ == "__main__":
+    sys.exit(main())
