@@ -1,0 +1,110 @@
+"""Particles: weights on the log scale, resampling, moments, and the existence of a target that may not be there.
+
+A filter of this repository carries ``N`` particles: states ``S`` of shape (N, d), one row each, and one weight each.  What
+the data say about particle n arrives as a log-weight ``lw[n]``, because one frame can be worth a factor e**30 and forty frames
+in a row overflow a float.  Three quantities follow, and nothing else about weights is ever needed:
+
+=======================  ==============================================================================================
+``normalise(lw)``        the weights ``W``, which sum to one, and the log of the mean un-normalised weight
+``effective_size(W)``    1 / sum W**2: how many equal weights would be worth as much, from 1 (degenerate) to N
+``moments(S, W)``        weighted mean (d,) and covariance (d, d)
+=======================  ==============================================================================================
+
+The mean un-normalised weight is the useful one of them: if a particle cloud stands for "the target is present" and its
+un-normalised weights are likelihood ratios against "nothing is there", then their mean is the likelihood ratio of the two
+hypotheses, and the probability of existence follows by two lines of algebra, the Bernoulli recursion
+
+    predict   P' = p_birth (1 - P) + p_survive P                    ``existence_predict``
+    update    P  = P' L / (1 - P' + P' L),   L = mean ratio         ``existence_update``
+
+``systematic`` resampling turns weighted particles into M equal ones.  The weights are laid end to end on a line of length
+one, M arrows fall on it at a spacing of 1/M with one common random offset ``u``, and ``ancestors[m]`` is the particle that
+arrow m hits.  Particle n gets floor(M W[n]) or floor(M W[n]) + 1 copies, M W[n] on average, and none if its weight is
+zero.  The sum of W need not be one to the last bit: the arrows are spread over the sum as it was accumulated, and one that
+rounding would carry past the end hits the last particle of positive weight.
+
+The offset is an argument, so the kernel is a function of numbers: one draw ``rng.random()`` by the caller belongs to
+one frame of one trial.  Not here: what a state means (``motion``), what a cell says (``sensor``), when to resample (the
+notebooks).
+"""
+
+import numpy as np
+
+from tbdcore import kernel
+
+
+def normalise(lw):
+    """Weights and evidence from log-weights.
+
+    lw : (N,) log un-normalised weights, -inf allowed, NaN or +inf not.
+    Returns W (N,), summing to one, and log_mean = log(sum exp(lw) / N).
+    """
+    lw = np.asarray(lw, float)
+    top = lw.max(initial=-np.inf)
+    if not np.isfinite(top):
+        raise ValueError(f"log-weights: largest of {lw.size} is {top}; at least one must be finite and none NaN or inf")
+    W = np.exp(lw - top)
+    total = W.sum()
+    return W / total, float(top + np.log(total / lw.size))
+
+
+def effective_size(W):
+    """Kish's effective number of particles, 1 / sum W**2, for weights (N,) that sum to one."""
+    return float(1.0 / np.dot(W, W))
+
+
+def moments(S, W):
+    """Weighted mean (d,) and covariance (d, d) of the states S (N, d) under weights W (N,) that sum to one."""
+    mean = W @ S
+    D = S - mean
+    return mean, (W[:, None] * D).T @ D
+
+
+def existence_predict(P, p_birth, p_survive):
+    """Probability of existence one frame ahead: a two-state Markov chain."""
+    return p_birth * (1.0 - P) + p_survive * P
+
+
+def existence_update(P, log_ratio):
+    """Probability of existence after a frame whose log-likelihood ratio, present against absent, is log_ratio.
+
+    In odds: P / (1 - P) is multiplied by exp(log_ratio); written so that no exponential can overflow.
+    """
+    if log_ratio > 0.0:
+        return P / (P + (1.0 - P) * np.exp(-log_ratio))
+    ratio = np.exp(log_ratio)
+    return P * ratio / (1.0 - P + P * ratio)
+
+
+def systematic_spec(W, M, u):
+    """Specification of :func:`systematic`: invert the cumulative sum at M evenly spaced arrows."""
+    C = np.cumsum(W)
+    last = np.flatnonzero(W)[-1]
+    return np.minimum(np.searchsorted(C, (np.arange(M) + u) * (C[-1] / M), side="right"), last)
+
+
+@kernel
+def systematic(W, M, u):
+    """Systematic resampling: the ancestors (M,), in ascending order.
+
+    W : (N,) weights, non-negative, at least one positive; their sum is taken as it comes.
+    M : number of copies wanted.
+    u : offset in [0, 1), one draw.
+    """
+    total = 0.0
+    last = 0
+    for n in range(W.size):
+        total += W[n]
+        if W[n] > 0.0:
+            last = n
+    step = total / M
+    ancestors = np.empty(M, np.int64)
+    n = 0
+    c = W[0]
+    for m in range(M):
+        arrow = (m + u) * step
+        while c <= arrow and n < last:
+            n += 1
+            c += W[n]
+        ancestors[m] = n
+    return ancestors

@@ -1,0 +1,64 @@
+"""Motion against geometry, and against the matrix exponential."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from tbdcore import motion
+
+PI = np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
+
+
+@pytest.mark.parametrize("omega", [0.3, -0.2, 1e-3, 1e-8, 0.0, 3.0, -7.0])
+@pytest.mark.parametrize("T", [1.0, 0.25])
+def test_turn_is_the_exponential_of_its_differential_equation(omega, T):
+    """x' = vx, vx' = -omega vy, y' = vy, vy' = omega vx."""
+    A = np.array([[0, 1, 0, 0], [0, 0, 0, -omega], [0, 0, 0, 1], [0, omega, 0, 0]], float)
+    assert np.allclose(motion.coordinated_turn(omega, T), expm(A * T), rtol=1e-12, atol=1e-14)
+
+
+def test_straight_line_is_the_exact_limit():
+    F = np.array([[1, 2.0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2.0], [0, 0, 0, 1]])
+    assert (motion.coordinated_turn(0.0, 2.0) == F).all()
+    assert np.allclose(motion.coordinated_turn(1e-12, 2.0), F, rtol=0, atol=5e-12)
+
+
+def test_turn_keeps_the_speed_and_closes_the_circle():
+    s = np.array([3.0, 0.6, -1.0, 0.2])
+    F = motion.coordinated_turn(2 * np.pi / 16, 1.0)
+    t = np.linalg.matrix_power(F, 5) @ s
+    assert np.hypot(t[1], t[3]) == pytest.approx(np.hypot(s[1], s[3]), rel=1e-13)
+    assert np.allclose(np.linalg.matrix_power(F, 16) @ s, s, rtol=0, atol=1e-13)
+
+
+def test_regimes_reach_the_stationary_distribution():
+    """(1/2, 1/4, 1/4) is the left eigenvector of PI; 4 standard errors of 40 000 independent chains."""
+    rng = np.random.default_rng(5)
+    r = np.zeros(40_000, np.int64)
+    for _ in range(60):
+        r = motion.regimes(r, PI, rng.random(r.size))
+    share = np.bincount(r, minlength=3) / r.size
+    assert np.allclose(share, [0.5, 0.25, 0.25], rtol=0, atol=4 * 0.5 / 200)
+    assert np.allclose(np.sort(np.linalg.eigvals(PI)), [0.7, 0.8, 1.0], rtol=1e-12)
+
+
+def test_advance_has_the_covariance_of_a_white_acceleration():
+    rng = np.random.default_rng(6)
+    S = motion.advance(np.zeros((50_000, 5)), np.ones(50_000, np.int64), 0.3, 2.0, rng)
+    G = np.array([2.0, 2.0])  # T**2 / 2 and T
+    assert np.allclose(np.cov(S[:, 0], S[:, 1]), 0.09 * np.outer(G, G), rtol=4 * np.sqrt(2 / 50_000))
+    assert abs(np.corrcoef(S[:, 0], S[:, 2])[0, 1]) < 4 / np.sqrt(50_000)
+
+
+def test_absent_particles_stay_and_draw_nothing():
+    S = np.arange(15.0).reshape(3, 5)
+    a, b = np.random.default_rng(7), np.random.default_rng(7)
+    assert (motion.advance(S, np.zeros(3, np.int64), 0.3, 1.0, a) == S).all()
+    assert a.random() == b.random()
+
+
+@pytest.mark.parametrize("Pi", [[[0.9, 0.2], [0.5, 0.5]], [[1.1, -0.1], [0.5, 0.5]], [[1.0, 0.0]], [[np.nan, 1.0], [0, 1]]])
+def test_bad_transitions_are_refused_in_one_line(Pi):
+    with pytest.raises(ValueError, match="transition matrix") as error:
+        motion.check_transitions(Pi)
+    assert "\n" not in str(error.value)
