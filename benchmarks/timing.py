@@ -1,0 +1,32 @@
+"""What every benchmark needs: a row of the table, and the best of several timings."""
+
+import time
+from typing import NamedTuple
+
+
+class Row(NamedTuple):
+    """One kernel: what it did, its seconds per call, and those of its specification, of the machine's limit and of a peer (None: does not apply)."""
+
+    kernel: str
+    work: str
+    seconds: float
+    spec_seconds: float | None = None
+    limit_seconds: float | None = None
+    peer: str = ""
+    peer_seconds: float | None = None
+
+
+def best(function, *args, repeat=5, least=0.02):
+    """Best wall seconds per call of function(*args), after a first call that may compile; each timing lasts at least `least` seconds."""
+    function(*args)
+    calls, start = 1, time.perf_counter()
+    function(*args)
+    calls = max(1, int(least / max(time.perf_counter() - start, 1e-9)))
+    return min(_timed(function, args, calls) for _ in range(repeat))
+
+
+def _timed(function, args, calls):
+    start = time.perf_counter()
+    for _ in range(calls):
+        function(*args)
+    return (time.perf_counter() - start) / calls

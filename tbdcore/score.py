@@ -1,0 +1,79 @@
+"""Scores: how good an estimate is, and how far a Monte Carlo number can be trusted.
+
+Nothing here knows what was estimated, so a peer library can be judged by the same functions.
+
+**Proportions.**  k successes in n trials: ``proportion`` gives the estimate and its standard error, ``wilson`` the
+interval to draw, which stays inside [0, 1] and does not collapse to a point at k = 0 or n.
+
+**Crossings.**  Papers quote the abscissa at which a curve passes a level: "the SNR for a detection probability of
+0.5".  ``crossing`` finds it by linear interpolation between the two abscissas around the *last downward* passage (a
+noisy curve may touch the level earlier), and ``crossing_error`` gives the delta-method standard error
+
+    se(x*) = sqrt( ((1 - w) s1)**2 + (w s2)**2 + 2 w (1 - w) c12 ) / |slope|,
+
+w the weight of the second point, s1 and s2 the standard errors and c12 the covariance of the two curve values, which
+are correlated when the same trials make both.  ``crossings`` does the same for many curves at once, one per row, as
+the replicas of a bootstrap or of the paper's own number of trials need it.
+
+**Errors.**  ``rmse`` is the root mean square over trials of a Euclidean error; ``ospa`` the distance between two finite sets.
+"""
+
+import math
+
+import numpy as np
+
+Z99 = 2.5758293035489004  # half width of a 99 % normal interval
+
+
+def proportion(k, n):
+    """Estimate k / n and its standard error; NaN where n is 0.  Scalars or arrays."""
+    k, n = np.asarray(k, float), np.asarray(n, float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        p = np.where(n > 0, k / n, np.nan)
+        return p, np.sqrt(p * (1 - p) / n)
+
+
+def wilson(k, n, z=Z99):
+    """Wilson's interval (low, high) of a proportion; (0, 1) where n is 0.  Scalars or arrays."""
+    k, n = np.asarray(k, float), np.asarray(n, float)
+    centre, half = k + z * z / 2, z * np.sqrt(np.maximum(k * (n - k), 0) / np.maximum(n, 1) + z * z / 4)
+    return (centre - half) / (n + z * z), (centre + half) / (n + z * z)
+
+
+def crossing(x, y, level):
+    """Abscissa of the last downward passage of a curve through a level; NaN when there is none.
+
+    `x` (m,) monotone, `y` (m,) the curve; NaNs in `y` never cross.
+    """
+    i, w = _last_passage(np.asarray(y, float), level)
+    return math.nan if i is None else float(x[i] + w * (x[i + 1] - x[i]))
+
+
+def crossing_error(x, y, level, se, correlation=0.0):
+    """Standard error of :func:`crossing` from those of the curve, `se` (m,), and the correlation of neighbouring values."""
+    y, se = np.asarray(y, float), np.asarray(se, float)
+    i, w = _last_passage(y, level)
+    if i is None:
+        return math.nan
+    a, b = (1 - w) * se[i], w * se[i + 1]
+    slope = (y[i + 1] - y[i]) / (x[i + 1] - x[i])
+    return float(math.sqrt(a * a + b * b + 2 * correlation * a * b) / abs(slope))
+
+
+def crossings(x, curves, level):
+    """:func:`crossing` of every row of `curves` (n, m); shape (n,)."""
+    return np.array([crossing(x, curve, level) for curve in np.atleast_2d(curves)])
+
+
+def _last_passage(y, level):
+    """Index i and weight w of the last i with y[i] >= level > y[i + 1]."""
+    down = np.flatnonzero((y[:-1] >= level) & (y[1:] < level))
+    if not down.size:
+        return None, math.nan
+    i = int(down[-1])
+    return i, float((y[i] - level) / (y[i] - y[i + 1]))
+
+
+def rmse(error, axis=0):
+    """Root mean square Euclidean length over `axis` of errors whose components are the last axis; NaNs (no estimate) are left out."""
+    return np.sqrt(np.nanmean(np.sum(np.square(error), axis=-1), axis=axis))

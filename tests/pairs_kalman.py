@@ -1,0 +1,36 @@
+"""Cases for the compiled Kalman steps: a converged track, a coasting one, one straight below the radar, one with zero cross terms."""
+
+import numpy as np
+
+from tbdcore import kalman
+
+
+def _track(seed, x):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(4, 4)) * np.array([[50.0], [1.0], [50.0], [1.0]])
+    return np.array(x), A @ A.T + np.diag([10.0, 1.0, 10.0, 1.0])
+
+
+TRACKS = [(1, [7.0e4, 350.0, 7.2e4, 360.0]), (2, [-3.0e5, 1.0, -10.0, 500.0]), (3, [0.0, 0.0, -2.0e5, -500.0])]
+
+CASES = [
+    case
+    for seed, x in TRACKS
+    for case in (
+        ("predict_cv", kalman.predict_cv, kalman.predict_cv_spec, lambda s=seed, x=x: (*_track(s, x), 10.0, 0.01)),
+        ("predict_cv, no noise", kalman.predict_cv, kalman.predict_cv_spec, lambda s=seed, x=x: (*_track(s, x), 10.0, 0.0)),
+        ("gate_polar", kalman.gate_polar, kalman.gate_polar_spec, lambda s=seed, x=x: (*_track(s, x), 400.0, 1e-6)),
+        (
+            "update_polar",
+            kalman.update_polar,
+            kalman.update_polar_spec,
+            lambda s=seed, x=x: (*_track(s, x), 30.0, -1e-4, 400.0, 1e-6),
+        ),
+        (
+            "update_polar, empty residual",
+            kalman.update_polar,
+            kalman.update_polar_spec,
+            lambda s=seed, x=x: (*_track(s, x), 0.0, 0.0, 1.0, 1e-8),
+        ),
+    )
+]

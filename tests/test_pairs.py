@@ -1,0 +1,52 @@
+"""Every compiled kernel against its plain specification, and no kernel without one."""
+
+import importlib
+import pkgutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tbdcore
+
+MODULES = sorted(path.stem for path in Path(__file__).parent.glob("pairs_*.py"))
+CASES = [case for module in MODULES for case in importlib.import_module(module).CASES]
+
+
+def _flat(result):
+    """Everything a function returned, as a list of arrays."""
+    return [np.asarray(part) for part in result] if isinstance(result, tuple) else [np.asarray(result)]
+
+
+@pytest.mark.parametrize(("kernel", "spec", "arguments"), [case[1:] for case in CASES], ids=[case[0] for case in CASES])
+def test_kernel_equals_its_specification(kernel, spec, arguments):
+    ours, theirs = _flat(kernel(*arguments())), _flat(spec(*arguments()))
+    assert len(ours) == len(theirs)
+    for our, their in zip(ours, theirs, strict=True):
+        assert our.shape == their.shape
+        scale = np.max(np.abs(their[np.isfinite(their)]), initial=0.0)
+        np.testing.assert_allclose(our, their, rtol=1e-12, atol=1e-15 * scale)
+
+
+def _kernels():
+    """All public kernels of the package."""
+    for about in pkgutil.iter_modules(tbdcore.__path__):
+        module = importlib.import_module(f"tbdcore.{about.name}")
+        for name, value in vars(module).items():
+            if hasattr(value, "py_func") and value.__module__ == module.__name__ and not name.startswith("_"):
+                yield module, name, value
+
+
+def test_every_kernel_has_a_specification_and_a_case():
+    tested = {case[1] for case in CASES}
+    for module, name, kernel in _kernels():
+        assert hasattr(module, f"{name}_spec"), f"{module.__name__}.{name} has no {name}_spec beside it"
+        assert kernel in tested, f"{module.__name__}.{name} has no case in a tests/pairs_*.py"
+
+
+def test_no_specification_is_used_in_production():
+    for path in Path(tbdcore.__path__[0]).glob("*.py"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if "_spec(" in line and "def " not in line and ":func:" not in line:
+                inside = line.strip()
+                assert inside.startswith(("return", "#")), f"{path.name}: {inside}"
