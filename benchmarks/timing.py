@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Row(NamedTuple):
-    """One kernel: what it did, its seconds per call, and those of its specification, of the machine's limit and of a peer (None: does not apply)."""
+    """One kernel: its work, its seconds per call, and those of its specification, the machine's limit and a peer (None: does not apply)."""
 
     kernel: str
     work: str
@@ -17,7 +17,7 @@ class Row(NamedTuple):
 
 
 def best(function, *args, repeat=5, least=0.02):
-    """Best wall seconds per call of function(*args), after a first call that may compile; each timing lasts at least `least` seconds."""
+    """Best wall seconds per call of function(*args), after a call that may compile; a timing lasts at least `least` seconds."""
     function(*args)
     calls, start = 1, time.perf_counter()
     function(*args)

@@ -75,5 +75,5 @@ def _last_passage(y, level):
 
 
 def rmse(error, axis=0):
-    """Root mean square Euclidean length over `axis` of errors whose components are the last axis; NaNs (no estimate) are left out."""
+    """Root mean square Euclidean length, over `axis`, of errors with components on the last axis; NaNs are left out."""
     return np.sqrt(np.nanmean(np.sum(np.square(error), axis=-1), axis=axis))

@@ -1,4 +1,4 @@
-"""Cases for the compiled Kalman steps: a converged track, a coasting one, one straight below the radar, one with zero cross terms."""
+"""Cases for the compiled Kalman steps: tracks in three quadrants, without process noise, with an empty residual."""
 
 import numpy as np
 
