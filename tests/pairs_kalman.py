@@ -14,6 +14,13 @@ def _track(seed, x):
 TRACKS = [(1, [7.0e4, 350.0, 7.2e4, 360.0]), (2, [-3.0e5, 1.0, -10.0, 500.0]), (3, [0.0, 0.0, -2.0e5, -500.0])]
 
 CASES = [
+    (
+        "two_point",
+        kalman.two_point,
+        kalman.two_point_spec,
+        lambda: (np.array([9e4, 0.8]), np.array([9.5e4, 0.81]), np.array([9.0, 5e-7]), np.array([10.0, 6e-7]), 10.0),
+    ),
+] + [
     case
     for seed, x in TRACKS
     for case in (
