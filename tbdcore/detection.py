@@ -11,12 +11,20 @@ eta:
 
 The amplitude |x| / sigma_n itself is then Rayleigh, with second moment 1 and 1 + S.
 
+What remains of the power above the threshold, lambda - eta, is exponential again, with mean 1 under noise and 1 + S with a
+target.  It says how much more a plot looks like the target than like a false alarm, ``amplitude_ratio``, whatever the
+threshold and the false-alarm probability were.
+
 Signal-to-noise ratios are linear power ratios here; ``db`` and ``linear`` convert.  The echo weakens with the fourth
 power of the range, ``radar_equation``.  All functions take scalars or arrays.  Nothing here knows where a target may
 be: gates are ``kalman``'s.
 """
 
+import math
+
 import numpy as np
+
+from tbdcore import kernel
 
 
 def db(ratio):
@@ -58,3 +66,26 @@ def required_snr(p_detect, p_false):
 def radar_equation(r, snr0, r0):
     """Signal-to-noise ratio at range r of a target that has snr0 at r0 (same unit): the fourth-power law."""
     return snr0 * (r0 / np.asarray(r, float)) ** 4
+
+
+def amplitude_ratio_spec(excess, snr):
+    """Log of the ratio of the two exponential densities."""
+    density = [-np.asarray(excess) / (1 + S) - np.log(1 + S) for S in snr]
+    return np.array(density).reshape(len(snr), len(excess)) + np.asarray(excess)
+
+
+@kernel
+def amplitude_ratio(excess, snr):
+    """ln of the amplitude likelihood ratio p(excess | target) / p(excess | noise), shape (T, M).
+
+    ``excess`` (M,) is lambda - eta >= 0 of each plot, which for a Rayleigh amplitude a with parameter 1 and its threshold
+    tau is (a**2 - tau**2) / 2; ``snr`` (T,) the mean linear ratio of each track's target.  With S = snr the result is
+    S / (1 + S) excess - ln(1 + S): zero, exactly, for S = 0.  Its exponential has mean one under noise, but no variance as
+    soon as S >= 1, and overflows for strong echoes: add the logarithm.
+    """
+    out = np.empty((snr.size, excess.size))
+    for t in range(snr.size):
+        gain, level = snr[t] / (1.0 + snr[t]), math.log(1.0 + snr[t])
+        for m in range(excess.size):
+            out[t, m] = gain * excess[m] - level
+    return out

@@ -1,0 +1,407 @@
+"""Which plot came from which track: gating, joint marginals, and the approximations that avoid the joint events.
+
+A scan gives plots z_1..z_M; T tracks predict where theirs should be.  A track t that exists with probability P^t and is
+detected inside its gate with probability D^t = P_D P_W either causes exactly one plot or none; a plot has at most one track;
+the rest is Poisson clutter of density lambda.  Everything a tracker needs from the scan is then contained in
+
+    l[t, m] = ln p^t(z_m) - ln lambda        log_ratio, shape (T, M), -inf where plot m is outside the gate of track t
+
+and every associator here has the same form, (log_ratio, existence, detect) -> (beta, existence):
+
+    beta[t, 0]     probability that no plot is the one of track t, given that the target exists
+    beta[t, m]     probability that plot m - 1 is; each row sums to one
+    existence[t]   probability that the target exists, given the scan
+
+=================  ==========================================================================  =====================
+``ipda``           each track alone, as if all other plots were clutter                        exact for one track
+``jipda``          exact marginals over all joint events, by a recursion over track subsets    O(M T 2^T), no event list
+``ljipda``         each track alone, plots discounted by their *visibility* (the paper)        O(M T)
+``modulated``      each track alone, the other tracks added to the clutter density (LM)        O(M T)
+=================  ==========================================================================  =====================
+
+The exact marginals need no list of events.  Go through the plots one by one and keep, for every subset A of tracks, the
+summed weight F_m(A) of all ways in which the first m plots use exactly the tracks of A; a plot is clutter or takes one track:
+F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m] F_{m-1}(A - t).  The same backwards gives the weight B_m(A) of completing the scan
+when A is used up, and the marginal of (t, m) is w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t) / B_0(empty).
+
+Nothing overflows.  Amplitude ratios reach exp(700) and multiply over tracks, so weights stay logarithms until the dual
+variables of the best single assignment have been added to them: after that every factor is at most one and the best joint
+event weighs exactly one, so that what underflows is below 1e-300 of the sum.  References: Musicki, Evans and Stankovic (1994)
+for IPDA; Musicki and Evans (2004) for JIPDA; Musicki and La Scala (2008) for the modulated density.
+"""
+
+import itertools
+import math
+
+import numpy as np
+
+from tbdcore import kernel
+
+MAX_TRACKS = 16  # tracks in one joint association: 2^16 subsets per plot, 0.5 MB a plot
+
+
+def check(z, D, existence, detect, density, joint=True):
+    """Raise ValueError, in one line, for what no associator can work with.
+
+    ``z`` (M, 2) plots, ``D`` (T, 2, 2) covariances, ``existence`` and ``detect`` (T,) probabilities, ``density`` the clutter
+    density per m^2; ``joint`` is whether the tracks go through :func:`jipda` together.
+    """
+    _check_plots(np.asarray(z, float))
+    for t, S in enumerate(np.asarray(D, float)):
+        if not np.isfinite(S).all() or np.linalg.eigvalsh(S)[0] <= 0:
+            raise ValueError(f"association: the covariance of track {t} is singular or not positive; give positive variances")
+    for name, values in (("existence", existence), ("detection", detect)):
+        for t, p in enumerate(np.asarray(values, float)):
+            if not 0 < p < 1:
+                raise ValueError(f"association: {name} probability {p:g} of track {t} is not in (0, 1); correct it")
+    if not (np.isfinite(density) and density > 0):
+        raise ValueError(f"association: clutter density {density:g} must be positive; give false plots per square metre")
+    if joint and len(existence) > MAX_TRACKS:
+        raise ValueError(f"association: {len(existence)} tracks in one jipda, the limit is {MAX_TRACKS}; split them into clusters")
+
+
+def _check_plots(z):
+    """Raise ValueError unless z is (M, 2) and finite."""
+    if z.ndim != 2 or z.shape[1] != 2:
+        raise ValueError(f"association: plots of shape {z.shape}; give one row of x and y per plot")
+    bad = np.flatnonzero(~np.isfinite(z).all(axis=1))
+    if bad.size:
+        raise ValueError(f"association: plot {bad[0]} is {z[bad[0]].tolist()}, not finite; remove it before gating")
+
+
+@kernel
+def candidates(z, zhat, S, gamma, p_gate):
+    """The plots inside at least one gate, and the gated density of each track at them.
+
+    ``z`` (M, 2) plots in m, ``zhat`` (T, 2) predicted plots, ``S`` (T, 2, 2) innovation covariances in m^2, ``gamma`` the
+    gate on the squared Mahalanobis distance, ``p_gate`` the probability mass inside it.  Returns ``picked`` (C,), increasing
+    indices into ``z``, and ``log_density`` (T, C), ln of N(z; zhat, S) / p_gate, -inf outside the track's own gate: the
+    paper's eq. (21), truncated to the gate.
+    """
+    M, T = z.shape[0], zhat.shape[0]
+    picked, log_p = np.empty(M, np.int64), np.empty((T, M))
+    count = 0
+    for m in range(M):
+        hit = False
+        for t in range(T):
+            dx, dy = z[m, 0] - zhat[t, 0], z[m, 1] - zhat[t, 1]
+            log_p[t, count] = -np.inf
+            if dx * dx > gamma * S[t, 0, 0] or dy * dy > gamma * S[t, 1, 1]:
+                continue  # outside the box around the ellipse
+            det = S[t, 0, 0] * S[t, 1, 1] - S[t, 0, 1] * S[t, 1, 0]
+            d2 = (S[t, 1, 1] * dx * dx - 2.0 * S[t, 0, 1] * dx * dy + S[t, 0, 0] * dy * dy) / det
+            if d2 <= gamma:
+                log_p[t, count] = -0.5 * d2 - math.log(2.0 * math.pi * p_gate * math.sqrt(det))
+                hit = True
+        if hit:
+            picked[count] = m
+            count += 1
+    return picked[:count].copy(), log_p[:, :count].copy()
+
+
+def candidates_spec(z, zhat, S, gamma, p_gate):
+    """All Mahalanobis forms at once."""
+    nu = z[None, :, :] - zhat[:, None, :]
+    d2 = np.einsum("tmi,tij,tmj->tm", nu, np.linalg.inv(S), nu)
+    log_p = -0.5 * d2 - np.log(2 * np.pi * p_gate) - 0.5 * np.linalg.slogdet(S)[1][:, None]
+    log_p = np.where(d2 <= gamma, log_p, -np.inf)
+    picked = np.flatnonzero(np.isfinite(log_p).any(axis=0))
+    return picked, log_p[:, picked]
+
+
+@kernel
+def ipda(log_ratio, existence, detect):
+    """Integrated PDA of every track on its own: eqs. (18) and (22) to (24) with every visibility one.
+
+    ``log_ratio`` (T, M), ``existence`` (T,) predicted probabilities, ``detect`` (T,) = P_D P_W.  Returns beta (T, M + 1) and
+    the posterior existence (T,).  1 - delta = 1 - D + D sum_m exp(l[t, m]) is summed relative to its largest term.
+    """
+    T, M = log_ratio.shape
+    beta, posterior = np.empty((T, M + 1)), np.empty(T)
+    for t in range(T):
+        miss, hit = math.log(1.0 - detect[t]), math.log(detect[t])
+        top = miss
+        for m in range(M):
+            top = max(top, hit + log_ratio[t, m])
+        beta[t, 0] = math.exp(miss - top)
+        total = beta[t, 0]
+        for m in range(M):
+            beta[t, m + 1] = 0.0 if log_ratio[t, m] == -np.inf else math.exp(hit + log_ratio[t, m] - top)
+            total += beta[t, m + 1]
+        for m in range(M + 1):
+            beta[t, m] /= total
+        dead = (1.0 - existence[t]) * math.exp(min(-top, 700.0))
+        posterior[t] = existence[t] * total / (existence[t] * total + dead)
+    return beta, posterior
+
+
+def ipda_spec(log_ratio, existence, detect):
+    """Eqs. (18), (22), (23), (24) as printed, with P_V = 1."""
+    L = np.exp(log_ratio)
+    delta = detect * (1 - L.sum(axis=1))
+    posterior = (1 - delta) * existence / (1 - delta * existence)
+    beta = np.column_stack([1 - detect, detect[:, None] * L]) / (1 - delta)[:, None]
+    return beta, posterior
+
+
+@kernel
+def prior_odds(log_ratio, existence, detect):
+    """Odds P_m^t / (1 - P_m^t) of the prior (12), shape (T, M), zero outside the gate.
+
+    The prior shares D^t P^t among the plots of the gate in proportion to their densities; a common factor of these, such as
+    the clutter density, does not matter.
+    """
+    T, M = log_ratio.shape
+    odds = np.zeros((T, M))
+    for t in range(T):
+        top = -np.inf
+        for m in range(M):
+            top = max(top, log_ratio[t, m])
+        total = 0.0
+        for m in range(M):
+            if log_ratio[t, m] > -np.inf:
+                odds[t, m] = math.exp(log_ratio[t, m] - top)
+                total += odds[t, m]
+        for m in range(M):
+            if odds[t, m] > 0.0:
+                prior = detect[t] * existence[t] * odds[t, m] / total
+                odds[t, m] = prior / (1.0 - prior)
+    return odds
+
+
+def prior_odds_spec(log_ratio, existence, detect):
+    """Eq. (12) as printed."""
+    p = np.exp(log_ratio)
+    share = np.divide(p, p.sum(axis=1, keepdims=True), out=np.zeros_like(p), where=p > 0)
+    prior = (detect * existence)[:, None] * share
+    return prior / (1 - prior)
+
+
+@kernel
+def visibility(log_ratio, existence, detect):
+    """Probability that plot m does not come from a track other than t: eqs. (12) to (16), shape (T, M).
+
+    (14) and (15) condition the independent priors (12) on at most one track per plot.
+    """
+    T, M = log_ratio.shape
+    odds = prior_odds(log_ratio, existence, detect)
+    visible = np.empty((T, M))
+    for m in range(M):
+        total = 1.0
+        for t in range(T):
+            total += odds[t, m]
+        for t in range(T):
+            visible[t, m] = (1.0 + odds[t, m]) / total
+    return visible
+
+
+def visibility_spec(log_ratio, existence, detect):
+    """Eqs. (14) and (16) as printed, on the prior (12)."""
+    odds = prior_odds_spec(log_ratio, existence, detect)
+    source = odds / (1 + odds.sum(axis=0))  # (14)
+    return 1 - (source.sum(axis=0) - source)  # (16)
+
+
+@kernel
+def modulated(log_ratio, existence, detect):
+    """Linear multitarget: log ratios in which the other tracks count as clutter, ln p^t - ln Omega^t, shape (T, M).
+
+    Omega^t(z_m) = lambda + sum_{j != t} p^j(z_m) P_m^j / (1 - P_m^j), Musicki and La Scala (2008), eq. (16), with the prior
+    (12).  ``ipda(modulated(l, P, D), P, D)`` is LM-IPDA; exact for two tracks that share one plot.
+    """
+    T, M = log_ratio.shape
+    odds = prior_odds(log_ratio, existence, detect)
+    out, extra = np.empty((T, M)), np.empty(T)
+    for m in range(M):
+        best = 0
+        for t in range(T):
+            extra[t] = log_ratio[t, m] + math.log(odds[t, m]) if odds[t, m] > 0.0 else -np.inf
+            best = t if extra[t] > extra[best] else best
+        omega, others = _log_density_sum(extra, -1), _log_density_sum(extra, best)
+        for t in range(T):
+            if t == best:
+                out[t, m] = log_ratio[t, m] - others
+            else:  # the largest term stays in the sum, so nothing cancels
+                out[t, m] = log_ratio[t, m] - omega - math.log1p(-math.exp(extra[t] - omega))
+    return out
+
+
+@kernel
+def _log_density_sum(extra, without):
+    """ln(1 + sum of exp(extra) over all entries but one)."""
+    top, total = 0.0, 0.0
+    for t in range(extra.size):
+        if t != without:
+            top = max(top, extra[t])
+    for t in range(extra.size):
+        if t != without and extra[t] > -np.inf:
+            total += math.exp(extra[t] - top)
+    return top + math.log(total + math.exp(-top))
+
+
+def modulated_spec(log_ratio, existence, detect):
+    """The density Omega / lambda, dense."""
+    others = np.exp(log_ratio) * prior_odds_spec(log_ratio, existence, detect)
+    omega = [1 + np.delete(others, t, axis=0).sum(axis=0) for t in range(len(others))]
+    return log_ratio - np.log(np.reshape(omega, log_ratio.shape))
+
+
+@kernel
+def ljipda(log_ratio, log_amplitude, existence, detect):
+    """LJIPDA-AI as the paper has it: eqs. (12) to (24); with ``log_amplitude`` zero it is LJIPDA, bit for bit.
+
+    ``log_ratio`` (T, M) = ln p - ln lambda is kinematic and alone sets the visibility; ``log_amplitude`` (T, M) = ln Lambda
+    multiplies the density afterwards, in (18) and (23) only.  Returns beta (T, M + 1) and the posterior existence (T,).
+    """
+    visible = visibility(log_ratio, existence, detect)
+    T, M = log_ratio.shape
+    for t in range(T):
+        for m in range(M):
+            visible[t, m] = log_ratio[t, m] + math.log(visible[t, m]) + log_amplitude[t, m]
+    return ipda(visible, existence, detect)
+
+
+def ljipda_spec(log_ratio, log_amplitude, existence, detect):
+    """Eqs. (18), (19), (22) to (24) as printed, on the visibility of (16)."""
+    visible = visibility_spec(log_ratio, existence, detect)
+    p_hat = np.exp(log_ratio) * np.exp(log_amplitude)  # (19), in units of lambda = n_hat / V
+    delta = detect * (1 - (visible * p_hat).sum(axis=1))  # (18)
+    posterior = (1 - delta) * existence / (1 - delta * existence)  # (22)
+    beta = detect[:, None] * visible * p_hat / (1 - delta)[:, None]  # (23)
+    return np.column_stack([(1 - detect) / (1 - delta), beta]), posterior  # (24)
+
+
+@kernel
+def _potentials(log_w, log_miss):
+    """Dual variables (a, v) of the best joint event: every log_w + a + v, log_miss + a and v is at most zero.
+
+    Shortest augmenting paths on the costs -log_w, with one private column per track for its miss.  Adding sum(a) + sum(v) to
+    the log weight of any joint event leaves the best event at zero.
+    """
+    T, M = log_w.shape
+    a, v = np.zeros(T), np.zeros(M + T + 1)  # the last column is the root of the search
+    row, back = np.full(M + T + 1, -1), np.empty(M + T + 1, np.int64)
+    for t in range(T):
+        row[M + T] = t
+        j0 = M + T
+        short, seen = np.full(M + T, np.inf), np.zeros(M + T + 1, np.bool_)
+        while row[j0] >= 0:
+            seen[j0] = True
+            i, j1, delta = row[j0], -1, np.inf
+            for j in range(M + T):
+                if seen[j]:
+                    continue
+                if j < M or j == M + i:
+                    cost = (-log_w[i, j] if j < M else -log_miss[i]) - a[i] - v[j]
+                    if cost < short[j]:
+                        short[j], back[j] = cost, j0
+                if short[j] < delta:
+                    delta, j1 = short[j], j
+            for j in range(M + T):
+                if seen[j]:
+                    a[row[j]] += delta
+                    v[j] -= delta
+                else:
+                    short[j] -= delta
+            a[t] += delta
+            j0 = j1
+        while j0 != M + T:
+            row[j0] = row[back[j0]]
+            j0 = back[j0]
+    for t in range(T):
+        a[t] += v[M + t]
+    return a, v[:M].copy()
+
+
+@kernel
+def _subset_marginals(w, miss, idle):
+    """Marginals (T, M + 1) of all joint events: factors ``w`` (T, M), ``miss`` (T,), ``idle`` (M,), all at most one.
+
+    Column 0 is the miss.  ``back[m, A]`` sums the completions by the plots m, m + 1, ... when the tracks of A are used.
+    """
+    T, M = w.shape
+    full = 1 << T
+    back, ahead = np.ones((M + 1, full)), np.zeros(full)
+    for A in range(full):
+        for t in range(T):
+            if not A >> t & 1:
+                back[M, A] *= miss[t]
+    for m in range(M - 1, -1, -1):
+        for A in range(full):
+            back[m, A] = idle[m] * back[m + 1, A]
+        for t in range(T):
+            bit = 1 << t
+            if w[t, m] > 0.0:
+                for A in range(full):
+                    if not A & bit:
+                        back[m, A] += w[t, m] * back[m + 1, A | bit]
+    out = np.zeros((T, M + 1))
+    ahead[0] = 1.0
+    for m in range(M):
+        for t in range(T):
+            bit, total = 1 << t, 0.0
+            if w[t, m] > 0.0:
+                for A in range(full):
+                    if not A & bit:
+                        total += ahead[A] * back[m + 1, A | bit]
+                out[t, m + 1] = w[t, m] * total / back[0, 0]
+        for A in range(full - 1, -1, -1):  # downwards: subsets of A still hold the previous stage
+            total = idle[m] * ahead[A]
+            for t in range(T):
+                if A >> t & 1:
+                    total += w[t, m] * ahead[A ^ (1 << t)]
+            ahead[A] = total
+    for t in range(T):
+        for A in range(full):
+            if not A >> t & 1:
+                out[t, 0] += ahead[A] * back[M, A] / back[0, 0]
+    return out
+
+
+@kernel
+def jipda(log_ratio, existence, detect):
+    """Joint integrated PDA, exact: the marginals over all joint events, without listing one.
+
+    An event weighs prod_{t missed} (1 - D^t P^t) prod_{(t, m)} D^t P^t exp(l[t, m]); given a miss the target exists with
+    probability (1 - D) P / (1 - D P).  Arguments and result as ``ipda``; at most MAX_TRACKS tracks (``check_scan``).
+    """
+    T, M = log_ratio.shape
+    log_w, log_miss = np.full((T, M), -np.inf), np.empty(T)
+    for t in range(T):
+        log_miss[t] = math.log(1.0 - detect[t] * existence[t])
+        if existence[t] > 0.0:
+            for m in range(M):
+                log_w[t, m] = math.log(detect[t] * existence[t]) + log_ratio[t, m]
+    a, v = _potentials(log_w, log_miss)
+    for t in range(T):
+        log_miss[t] = math.exp(log_miss[t] + a[t])
+        for m in range(M):
+            log_w[t, m] = 0.0 if log_w[t, m] == -np.inf else math.exp(log_w[t, m] + a[t] + v[m])
+    beta, posterior = _subset_marginals(log_w, log_miss, np.exp(v)), np.empty(T)
+    for t in range(T):
+        beta[t, 0] *= (1.0 - detect[t]) * existence[t] / (1.0 - detect[t] * existence[t])
+        posterior[t] = beta[t].sum()
+        if posterior[t] > 0.0:
+            beta[t] /= posterior[t]
+        else:
+            beta[t, 0] = 1.0  # a track that is certainly dead: nothing is its plot
+    return beta, posterior
+
+
+def jipda_spec(log_ratio, existence, detect):
+    """Every joint event by name: each track takes a plot or none, no plot twice."""
+    T, M = log_ratio.shape
+    w = np.column_stack([1 - detect * existence, (detect * existence)[:, None] * np.exp(log_ratio)])
+    joint = np.zeros((T, M + 1))
+    for event in itertools.product(range(M + 1), repeat=T):
+        taken = [m for m in event if m > 0]
+        if len(taken) == len(set(taken)):
+            joint[range(T), event] += math.prod(w[t, m] for t, m in enumerate(event))
+    joint = joint / joint.sum(axis=1, keepdims=True)
+    joint[:, 0] *= (1 - detect) * existence / (1 - detect * existence)
+    return joint / joint.sum(axis=1, keepdims=True), joint.sum(axis=1)
+
+
+def events(T, M):
+    """Number of joint events of T tracks that all share M plots: sum_k C(T, k) C(M, k) k!."""
+    return sum(math.comb(T, k) * math.comb(M, k) * math.factorial(k) for k in range(min(T, M) + 1))
