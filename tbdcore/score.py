@@ -21,6 +21,7 @@ the replicas of a bootstrap or of the paper's own number of trials need it.
 import math
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 Z99 = 2.5758293035489004  # half width of a 99 % normal interval
 
@@ -77,3 +78,33 @@ def _last_passage(y, level):
 def rmse(error, axis=0):
     """Root mean square Euclidean length, over `axis`, of errors with components on the last axis; NaNs are left out."""
     return np.sqrt(np.nanmean(np.sum(np.square(error), axis=-1), axis=axis))
+
+
+def ospa(X, Y, c, p):
+    """Optimal subpattern assignment distance of two finite sets of points, m (Schuhmacher, Vo and Vo 2008).
+
+    X : (m, d), Y : (n, d), either may be empty; c > 0 the price of a point too many; p >= 1 the order.
+
+        ( (min over assignments sum min(c, distance)**p + c**p |m - n|) / max(m, n) )**(1/p)
+
+    The power stands before the assignment: the cheapest pairing of distances is in general not that of their p-th powers.
+    """
+    X, Y = np.atleast_2d(X), np.atleast_2d(Y)
+    m, n = (0 if A.size == 0 else len(A) for A in (X, Y))
+    if not c > 0 or not p >= 1:
+        raise ValueError(f"ospa: cut-off {c} and order {p}; the cut-off must be positive and the order at least 1")
+    if min(m, n) == 0:
+        return 0.0 if max(m, n) == 0 else float(c)
+    cost = np.minimum(np.linalg.norm(X[:, None] - Y[None], axis=-1), c) ** p
+    return float(((cost[linear_sum_assignment(cost)].sum() + c**p * abs(m - n)) / max(m, n)) ** (1 / p))
+
+
+def ospa_bernoulli(x, existence, truth, c, threshold=0.5):
+    """OSPA (...,) of at most one estimate and at most one target, where every order p gives the same number.
+
+    x : (..., d) estimates, empty sets where existence (...,) is at or below the threshold; truth : (..., d), NaN for no target.
+    Both empty: 0.  One empty: c.  Neither: the distance, at most c.
+    """
+    declared, present = np.asarray(existence) > threshold, ~np.isnan(truth[..., 0])
+    distance = np.minimum(np.sqrt(np.sum(np.square(x - truth), axis=-1)), c)
+    return np.where(declared & present, distance, np.where(declared | present, float(c), 0.0))

@@ -1,5 +1,7 @@
 """Kernels of ``sensor`` beside their specifications: (name, kernel, specification, arguments)."""
 
+import functools
+
 import numpy as np
 
 from tbdcore import sensor
@@ -24,3 +26,31 @@ CASES = [
         lambda: blob_case(0),
     )
 ]
+
+
+def polar_case(spread, n=200, shape=(60, 40), seed=6):
+    """Power frame, places in it, on its edges and off it, and intensities, a tenth of them zero."""
+    rng = np.random.default_rng(seed)
+    rho, alpha = rng.uniform(-3, shape[0] + 4, n), rng.uniform(-3, shape[1] + 4, n)
+    corners = [(0.5, 0.5), (shape[0] + 0.4999, 1.0), (1.0, shape[1] + 0.4999), (0.4999, 3.0), (np.nan, 2.0), (2.5, 3.5)]
+    for k, corner in enumerate(corners[:n]):
+        rho[k], alpha[k] = corner
+    snr = rng.exponential(5.0, n) * (rng.random(n) > 0.1)
+    return rng.standard_exponential(shape, dtype=np.float32), rho, alpha, snr, sensor.Spread(*spread)
+
+
+TRUE, WIDE, NARROW = (1.44, 0.1112, 2, 6), (0.144, 0.01112, 4, 12), (14.4, 1.112, 1, 3)
+for spread, options in (
+    (TRUE, {}),
+    (WIDE, {}),
+    (NARROW, {}),
+    ((0.3, 0.05, 5, 30), {}),  # the patch is wider than the frame
+    (TRUE, {"shape": (3, 5)}),
+    (TRUE, {"n": 0}),
+):
+    make = functools.partial(polar_case, spread, **options)
+    CASES += [
+        ("power_log_ratio", sensor.power_log_ratio, sensor.power_log_ratio_spec, make),
+        ("cell_power", sensor.cell_power, sensor.cell_power_spec, lambda make=make: make()[:3]),
+        ("patch_fit", sensor.patch_fit, sensor.patch_fit_spec, lambda make=make: (*make()[:3], make()[4])),
+    ]

@@ -94,3 +94,36 @@ def test_existence_at_its_limits():
     for _ in range(500):
         P = particles.existence_predict(P, 0.1, 0.9)
     assert abs(P - 0.5) < 1e-12
+
+
+# Ancestors' history
+
+
+def test_history_travels_with_the_particle():
+    """Every particle writes its own path into its history; after resampling the columns must still be those of the paths."""
+    rng, window, N, births = np.random.default_rng(3), 4, 30, 10
+    H, age = np.zeros((window, N + births)), np.zeros(N + births, np.int64)
+    paths = [() for _ in range(N + births)]
+    for k in range(13):
+        code = rng.random(N + births)
+        particles.record(H, age, k, code)
+        paths = [(*path, c) for path, c in zip(paths, code, strict=True)]
+        ancestors = particles.systematic(rng.random(N + births) ** 4, N, rng.random())
+        H, age = particles.inherit(H, age, ancestors, births)
+        paths = [paths[a] for a in ancestors] + [()] * births
+        for n, path in enumerate(paths):
+            assert sorted(H[:, n]) == sorted([*path[-window:], *[0.0] * (window - len(path[-window:]))])
+            assert age[n] == len(path)
+
+
+def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
+    H, age = np.ones((3, 5)), np.full(5, 7)
+    moved, older = particles.inherit(H, age, np.array([4, 4]), 2)
+    assert moved.tolist() == [[1, 1, 0, 0]] * 3
+    assert older.tolist() == [7, 7, 0, 0]
+    assert (H == 1).all()
+    assert (age == 7).all()
+
+
+def test_distinct_counts_sorted_labels():
+    assert [particles.distinct(np.array(v)) for v in ([], [3], [1, 1, 2, 5, 5])] == [0, 1, 3]

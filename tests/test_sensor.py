@@ -86,3 +86,130 @@ def test_blob_image_of_many_positions_and_of_none():
 def test_zero_signal_has_ratio_one():
     z = np.random.default_rng(12).normal(size=(6, 6))
     assert (blob_ratio(z, (3, 3), peak=0.0) == 0).all()
+
+
+# Range and azimuth -------------------------------------------------------------------------------------------------------
+
+GRID = sensor.polar_grid(11e3, 12e3, math.pi / 4, math.pi / 2, 2.0, math.radians(0.5))
+SPREAD = sensor.Spread(0.36 * 4.0, 1460 * math.radians(0.5) ** 2, 2, 6)
+
+
+def power_ratio(z, rho, alpha, snr, spread=SPREAD):
+    rho, alpha = np.atleast_1d(np.asarray(rho, float)), np.atleast_1d(np.asarray(alpha, float))
+    return sensor.power_log_ratio(z, rho, alpha, np.broadcast_to(np.asarray(snr, float), rho.shape).copy(), spread)
+
+
+def test_polar_grid_and_cells():
+    """500 x 90 cells; the corner of the region is the corner of cell (1, 1), and azimuth grows from +x towards +y."""
+    assert GRID[4:] == (500, 90)
+    r, a = GRID.r_min + 2.0 * 7.25, GRID.a_min + math.radians(0.5) * 30.5
+    assert sensor.polar_cells(r * math.cos(a), r * math.sin(a), GRID) == pytest.approx((7.75, 31.0), abs=1e-8)
+    with pytest.raises(ValueError, match="range: the region has 333.333 cells"):
+        sensor.polar_grid(11e3, 12e3, 0.0, 1.0, 3.0, 0.5)
+
+
+def test_spread_closed_forms():
+    """Footprint pi / sqrt(0.36 x 1460) / (2 m x 0.5 deg) = 7.851 cells; mean of h**2 in the own cell 0.8919 x 0.9908."""
+    assert sensor.footprint(SPREAD) == pytest.approx(7.851, abs=5e-4)
+    assert sensor.spread_power(250.2, 45.4, SPREAD, (500, 90)).sum() == pytest.approx(7.851, abs=0.01)
+    u = (np.arange(4000) + 0.5) / 4000 - 0.5
+    assert sensor.straddle(SPREAD) == pytest.approx(np.exp(-1.44 * u**2).mean() * np.exp(-SPREAD.la * u**2).mean(), rel=1e-6)
+    assert sensor.straddle(SPREAD) == pytest.approx(0.8919 * 0.9908, abs=1e-4)
+
+
+def test_patch_holds_the_power():
+    """5 x 13 cells hold 99.8 % of sum h**2 for a point in the middle of its cell."""
+    h2 = sensor.spread_power(250.0, 45.0, SPREAD, (500, 90))
+    assert h2[247:252, 38:51].sum() / h2.sum() == pytest.approx(0.998, abs=5e-4)
+
+
+@pytest.mark.parametrize("common", [True, False])
+def test_illuminated_cells_are_exponential_with_the_right_mean(common):
+    """Equation (8): E z = snr h**2 + 1, and variance its square, whichever way the cells depend on each other."""
+    rng, n, snr = np.random.default_rng(5), 20_000, 4.0
+    z = rng.standard_exponential((n, 9, 15))
+    place = np.full(n, 5.3), np.full(n, 8.2)
+    if common:
+        sensor.illuminate(z, *place, snr * rng.standard_exponential(n), SPREAD, rng)
+    else:
+        sensor.illuminate_cells(z, *place, snr, SPREAD)
+    mean = 1.0 + snr * sensor.spread_power(5.3, 8.2, SPREAD, (9, 15))
+    assert (abs(z.mean(axis=0) / mean - 1.0) < 4.5 / math.sqrt(n)).all()  # 135 cells: 4.5 standard errors
+    assert (abs(z.std(axis=0) / mean - 1.0) < 4.5 * math.sqrt(2 / n)).all()
+    shared = np.corrcoef(z[:, 4, 7], z[:, 4, 8])[0, 1]
+    s = mean - 1.0
+    expected = s[4, 7] * s[4, 8] / (mean[4, 7] * mean[4, 8]) if common else 0.0  # covariance of |A|^2 h1^2 and |A|^2 h2^2
+    assert shared == pytest.approx(expected, abs=6 / math.sqrt(n))
+
+
+def test_target_outside_the_area_is_refused():
+    z = np.ones((3, 9, 15))
+    with pytest.raises(ValueError, match=r"target at cell \(9.6, 8.0\) is outside the 9 x 15 cells"):
+        sensor.illuminate(z, np.full(3, 9.6), np.full(3, 8.0), np.ones(3), SPREAD, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0])
+def test_bad_frames_are_refused_in_one_line(bad):
+    z = np.ones((4, 3, 3))
+    sensor.check_frames(z)
+    z[2, 1, 1] = bad
+    with pytest.raises(ValueError, match="frame 3 has a cell"):
+        sensor.check_frames(z)
+
+
+def test_power_ratio_mean_under_noise_is_one():
+    """A ratio of densities averages to one under the lower one; second moment prod (1 + s)**2 / (1 + 2 s), so s is kept small."""
+    rng, n, snr = np.random.default_rng(6), 40_000, 0.15
+    z = rng.standard_exponential((n, 7, 15))
+    values = np.exp([power_ratio(frame, 4.2, 7.9, snr)[0] for frame in z])
+    s = snr * sensor.spread_power(4.2, 7.9, SPREAD, (7, 15))[1:6, 1:14]
+    second = np.prod((1 + s) ** 2 / (1 + 2 * s))
+    assert values.mean() == pytest.approx(1.0, abs=4 * math.sqrt((second - 1) / n))
+
+
+def test_power_ratio_peaks_at_the_target_and_is_minus_infinity_off_the_frame():
+    z = 1.0 + 9.0 * sensor.spread_power(30.3, 20.6, SPREAD, (60, 40))
+    rho, alpha = (v.ravel() for v in np.meshgrid(np.arange(28, 33, 0.1), np.arange(15, 25, 0.1), indexing="ij"))
+    best = np.argmax(power_ratio(z, rho, alpha, 9.0))
+    assert (rho[best], alpha[best]) == pytest.approx((30.3, 20.6), abs=0.11)
+    assert (power_ratio(z, [0.4, 60.5, 5.0, np.nan], [5.0, 5.0, 40.6, 5.0], 1.0) == -np.inf).all()
+    assert power_ratio(z, 30.0, 20.0, 0.0)[0] == 0.0
+
+
+def test_least_squares_fit_of_a_mismatched_spread():
+    """Wide and narrow assumed spreads, factor c on both decays: the fitted intensity is 2 c / (1 + c) of the true one."""
+    spread = sensor.Spread(0.02, 0.02, 60, 60)  # fine cells, so that sums are integrals
+    z = 1.0 + 5.0 * sensor.spread_power(100.0, 100.0, spread, (199, 199))
+    for c in (0.5, 1.0, 2.0):
+        assumed = sensor.Spread(0.02 * c, 0.02 * c, 60, 60)
+        top, bottom = sensor.patch_fit(z, np.array([100.0]), np.array([100.0]), assumed)
+        assert top[0] / bottom[0] / 5.0 == pytest.approx(2 * c / (1 + c), rel=1e-4)
+
+
+def test_coherent_ratio_equals_adaptive_quadrature():
+    rng = np.random.default_rng(7)
+    z = rng.standard_exponential((1, 20, 25))
+    sensor.illuminate(z, np.array([9.7]), np.array([12.2]), np.array([30.0]), SPREAD, rng)
+    rho, alpha = np.r_[9.7, 9.7 + rng.normal(size=20), 0.6, 20.4, -1.0], np.r_[12.2, 12.2 + 2 * rng.normal(size=20), 1.0, 25.3, 5.0]
+    spread, snr = SPREAD._replace(hr=1, ha=4), np.full(rho.size, 4.0)
+    exact = sensor.coherent_log_ratio_spec(z[0], rho, alpha, snr, spread)
+    assert sensor.coherent_log_ratio(z[0], rho, alpha, snr, spread, 0.2) == pytest.approx(exact, abs=5e-5)
+    assert sensor.coherent_log_ratio(z[0], rho, alpha, snr, spread) == pytest.approx(exact, abs=1e-2)
+
+
+def test_coherent_ratio_of_one_cell_is_the_power_ratio():
+    """With one cell there is nothing to share: both likelihoods are the exponential of equation (7)."""
+    z = np.random.default_rng(8).standard_exponential((9, 9)) * 6
+    one = SPREAD._replace(hr=0, ha=0)
+    rho, alpha, snr = np.arange(1.2, 9), np.arange(1.4, 9), np.linspace(0.5, 9, 8)
+    ours = sensor.coherent_log_ratio(z, rho, alpha, snr, one, 0.1)
+    assert ours == pytest.approx(sensor.power_log_ratio(z, rho, alpha, snr, one), abs=1e-5)
+
+
+def test_coherent_ratio_mean_under_noise_is_one():
+    rng, n = np.random.default_rng(9), 20_000
+    z = rng.standard_exponential((n, 3, 3))
+    spread = sensor.Spread(1.44, 0.11, 1, 1)
+    here = np.array([2.1]), np.array([1.9]), np.array([0.1])
+    values = np.exp([sensor.coherent_log_ratio(frame, *here, spread, 0.3)[0] for frame in z])
+    assert values.mean() == pytest.approx(1.0, abs=4 * values.std() / math.sqrt(n))
