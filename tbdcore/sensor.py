@@ -12,7 +12,7 @@ simulated frame, and the log-likelihood ratio of "target at this state" against 
 section                  signal in a cell                                       noise in a cell
 =======================  =====================================================  =============================================
 Gaussian image           h: Gaussian blob, amplitude known                      normal, standard deviation sigma
-point target             all of the target's signal in one cell                 its own section says
+point target             all of the target's signal in one cell                 any; standard normal in the paper
 range and azimuth        power of a Gaussian blob, amplitude unknown            exponential power
 =======================  =====================================================  =============================================
 
@@ -113,6 +113,34 @@ def blob_log_ratio(z, S, r, peak, blur, noise):
         energy = (a * a + b * b + 1.0 + c * c + d * d) * (e * e + f * f + 1.0 + g * g + h * h)
         out[n] = peak * centre * (match - 0.5 * peak * centre * energy) / (noise * noise)
     return out
+
+
+# Point target: all of the signal in one cell ----------------------------------------------------------------------------
+
+
+def point_amplitude(snr_db, sigma=1.0):
+    """Amplitude A of a point target whose SNR is 10 log10(A**2 / sigma**2) dB in noise of standard deviation sigma."""
+    return sigma * 10.0 ** (np.asarray(snr_db, float) / 20.0)
+
+
+def point_frames(noise, cells, amplitude):
+    """Frames z (K, n_x, n_y) of a point target: noise w everywhere, A + w in the target's cell (Wan, Wang and Wu 2013, eq. 1).
+
+    noise : (K, n_x, n_y), left as it is; cells : (K, 2) of int, the target's cell in each frame, **counted from 0**.
+    amplitude : A, or one A_k for each frame, in the noise's unit.  The result has the noise's type.
+
+    Raises ValueError when there is not one cell for each frame, or when a cell lies outside the frame.
+    """
+    cells, shape = np.asarray(cells), noise.shape
+    if cells.shape != (shape[0], 2):
+        raise ValueError(f"point_frames: cells have shape {cells.shape} for frames {shape}; give one (i, j) for each frame")
+    outside = ((cells < 0) | (cells >= shape[1:])).any(axis=1)
+    if outside.any():
+        k = int(outside.argmax())
+        raise ValueError(f"point_frames: cell {tuple(cells[k].tolist())} of frame {k} is outside {shape[1:]}; move the target")
+    z = noise.copy()
+    z[np.arange(shape[0]), cells[:, 0], cells[:, 1]] += amplitude
+    return z
 
 
 # Range and azimuth: a point of unknown intensity in exponential power ------------------------------------------------------

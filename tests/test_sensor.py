@@ -213,3 +213,22 @@ def test_coherent_ratio_mean_under_noise_is_one():
     here = np.array([2.1]), np.array([1.9]), np.array([0.1])
     values = np.exp([sensor.coherent_log_ratio(frame, *here, spread, 0.3)[0] for frame in z])
     assert values.mean() == pytest.approx(1.0, abs=4 * values.std() / math.sqrt(n))
+
+
+# Point target
+
+
+def test_point_target_adds_its_amplitude_to_one_cell_of_each_frame():
+    noise, cells = np.random.default_rng(0).normal(size=(3, 4, 5)), np.array([[0, 0], [3, 4], [1, 2]])
+    amplitude = sensor.point_amplitude(9.0)
+    assert amplitude == pytest.approx(2.8184, abs=5e-5)
+    added = sensor.point_frames(noise, cells, amplitude) - noise
+    assert np.count_nonzero(added) == 3
+    np.testing.assert_allclose([added[k][tuple(cells[k])] for k in range(3)], amplitude, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cells", [[[0, 0]] * 2, [[0, 0], [4, 0], [0, 0]], [[0, 0], [0, 0], [0, -1]]])
+def test_point_target_outside_the_frame_is_refused_in_one_line(cells):
+    with pytest.raises(ValueError, match="point_frames: ") as error:
+        sensor.point_frames(np.zeros((3, 4, 5)), np.array(cells), 1.0)
+    assert "\n" not in str(error.value)

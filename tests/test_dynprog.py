@@ -1,0 +1,265 @@
+"""Dynamic programming against the enumeration of all paths, against SciPy, against closed forms, and under symmetries."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from tbdcore import dynprog
+
+ONE = np.ones(1)
+A = 0.95
+ASIDE = np.array([A, 1.0, A])
+LITERAL = np.array([[A ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
+
+
+def algorithm(name, M):
+    """(number of velocities, slowest, stage, step back) of an algorithm with maximum speed M; the margin is M + 1."""
+    back = dynprog.weighted_predecessor
+    fixed = {"conventional": np.ones(2 * M + 1), "tonissen": np.array([0.0, 1.0, 1.0]), "unweighted": np.ones(3)}
+    if name == "conventional":
+        w = fixed[name]
+        return 1, 0, lambda I, z, out: dynprog.box_stage(I, z, w, 0, M + 1, out), lambda I, x: back(I, x, w, ONE, 0)
+    v = 1 - M
+    if name == "tonissen":
+        w = fixed[name]
+        return 2 * M, v, lambda I, z, out: dynprog.box_stage(I, z, w, v, M + 1, out), lambda I, x: back(I, x, w, ONE, v)
+    if name == "literal":
+        step = dynprog.coupled_predecessor
+        return (
+            *(2 * M, v),
+            lambda I, z, out: dynprog.coupled_stage(I, z, LITERAL, v, M + 1, out),
+            lambda I, x: step(I, x, LITERAL, v),
+        )
+    if name == "penalised":
+        c, step = np.array([0.4, 0.0, 0.4]), dynprog.penalised_predecessor
+        return 2 * M, v, lambda I, z, out: dynprog.penalised_stage(I, z, c, c, v, M + 1, out), lambda I, x: step(I, x, c, c, v)
+    w = ASIDE if name == "weighted" else fixed[name]
+    return 2 * M, v, lambda I, z, out: dynprog.weighted_stage(I, z, w, w, v, M + 1, out), lambda I, x: back(I, x, w, w, v)
+
+
+def solve(z, name, M):
+    """Value maps without their margin (K, V, V, Nx, Ny), and the best path of states, cells counted from 0."""
+    V, _, stage, back = algorithm(name, M)
+    z = dynprog.margin(z, M + 1)
+    I = np.empty((len(z), V, V, *z.shape[1:]))
+    I[0] = z[0]
+    for k in range(1, len(z)):
+        stage(I[k - 1], z[k], I[k])
+    path = [np.unravel_index(I[-1].argmax(), I[-1].shape)]
+    for previous in I[-2::-1]:
+        path.append(back(previous, path[-1]))
+    inside = slice(M + 1, -M - 1)
+    return I[..., inside, inside], np.array(path[::-1]) - [0, 0, M + 1, M + 1]
+
+
+NAMES = ("conventional", "tonissen", "weighted", "literal", "unweighted", "penalised")
+
+
+# The oracle: eqs. (6) to (12) as they are printed, state by state, path by path ----------------------------------------------
+
+
+def predecessors(name, x, M, shape):
+    """Pairs (predecessor, deviations) of eqs. (6), (7), (8); the deviations are those of eqs. (9) and (10)."""
+    i, j, iv, jv = x
+    if name == "conventional":
+        every = (((i + m, j + n, 0, 0), (0, 0)) for m in range(-M, M + 1) for n in range(-M, M + 1))
+    elif name == "tonissen":
+        every = (((i + m - iv, j + n - jv, iv, jv), (0, 0)) for m in (0, 1) for n in (0, 1))
+    else:
+        slack = itertools.product((-1, 0, 1), repeat=4)
+        every = (
+            ((i + m - iv - r, j + n - jv - s, iv + r, jv + s), ((m, n), (r, s)))
+            if name != "literal"
+            else ((i + m - iv - r, j + n - jv - s, iv + r, jv + s), ((m - r, n - s), (r, s)))
+            for m, n, r, s in slack
+        )
+    speeds = (0,) if name == "conventional" else range(-M + 1, M + 1)
+    for y, deviation in every:
+        if 0 <= y[0] < shape[0] and 0 <= y[1] < shape[1] and y[2] in speeds and y[3] in speeds:
+            yield y, int(np.abs(deviation).sum())
+
+
+def step(name, value, deviation):
+    """What a transition makes of the accumulated value."""
+    if name == "penalised":
+        return value - 0.4 * deviation
+    return value * A**deviation if name in ("weighted", "literal") else value
+
+
+def paths(name, x, k, z, M):
+    """All (value, path) that end in state x of frame k."""
+    here = z[k][x[0], x[1]]
+    if k == 0:
+        yield here, (x,)
+        return
+    for y, deviation in predecessors(name, x, M, z.shape[1:]):
+        for value, path in paths(name, y, k - 1, z, M):
+            yield here + step(name, value, deviation), (*path, x)
+
+
+SIZES = {"conventional": (2, (4, 5), 4), "tonissen": (2, (4, 5), 4)}  # M, grid, frames; the others have 81 predecessors
+
+
+@pytest.mark.parametrize("shift", [0.0, -6.0], ids=["mixed signs", "all negative"])
+@pytest.mark.parametrize("name", NAMES)
+def test_values_and_path_equal_the_enumeration_of_all_paths(name, shift):
+    M, shape, K = SIZES.get(name, (2, (3, 3), 3))
+    z = np.random.default_rng(11).normal(shift, 1.0, (K, *shape))
+    I, path = solve(z, name, M)
+    speeds = (0,) if name == "conventional" else range(-M + 1, M + 1)
+    found = {}
+    for x in itertools.product(range(shape[0]), range(shape[1]), speeds, speeds):
+        found[x] = max(paths(name, x, K - 1, z, M), default=(-np.inf, None))
+        a, b = x[2] - speeds[0], x[3] - speeds[0]
+        assert I[-1, a, b, x[0], x[1]] == pytest.approx(found[x][0], rel=1e-12)
+    value, best = max(found.values())
+    assert I[-1].max() == pytest.approx(value, rel=1e-12)
+    assert path[:, 2:].tolist() == [list(x[:2]) for x in best]
+
+
+def test_some_states_of_the_enumeration_cannot_be_reached():
+    I, _ = solve(np.zeros((4, 4, 5)), "tonissen", 2)
+    assert np.isneginf(I[-1]).any()
+
+
+# Peers and closed forms -----------------------------------------------------------------------------------------------------
+
+
+def test_conventional_stage_is_a_maximum_filter():
+    z = np.random.default_rng(2).normal(-3.0, 1.0, (2, 50, 50))
+    I, _ = solve(z, "conventional", 3)
+    theirs = z[1] + ndimage.maximum_filter(z[0], size=7, mode="constant", cval=-np.inf)
+    np.testing.assert_array_equal(I[1, 0, 0], theirs)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_frame_is_its_largest_cell(name):
+    z = np.random.default_rng(5).normal(size=(1, 6, 7))
+    _, path = solve(z, name, 3)
+    assert tuple(path[0, 2:]) == np.unravel_index(z[0].argmax(), (6, 7))
+
+
+def test_two_frames_decouple_when_every_cell_can_be_reached():
+    z = np.random.default_rng(6).normal(size=(2, 6, 7))
+    I, path = solve(np.pad(z, ((0, 0), (8, 8), (8, 8)), constant_values=-99), "conventional", 7)
+    assert [tuple(x) for x in path[:, 2:] - 8] == [np.unravel_index(frame.argmax(), (6, 7)) for frame in z]
+    assert I[-1].max() == z[0].max() + z[1].max()
+
+
+@pytest.mark.parametrize(("dx", "g"), [((1, 1), 1.0), ((2, 2), 1.0), ((4, 0), A)])
+def test_a_noise_free_track_keeps_a_geometric_share_of_its_energy(dx, g):
+    """Displacement = velocity - m: with the fastest velocity 3 a step of 4 costs one position slack in every frame."""
+    K = 11
+    z = np.full((K, 60, 60), -1e6)
+    for k in range(K):
+        z[k, 5 + dx[0] * k, 5 + dx[1] * k] = 1.0
+    I, _ = solve(z, "weighted", 3)
+    expected = K if g == 1 else (1 - g**K) / (1 - g)
+    assert I[-1].max() == pytest.approx(expected, rel=1e-12)
+
+
+def test_weighted_equals_coupled_where_the_table_is_a_product():
+    z = np.random.default_rng(8).normal(-1.0, 1.0, (2, 12, 9))
+    previous, frame = dynprog.margin(np.repeat(z[:1], 36, 0), 4).reshape(6, 6, 20, 17), dynprog.margin(z[1:], 4)[0]
+    ours = dynprog.weighted_stage(previous, frame, ASIDE, ASIDE, -2, 4, np.empty_like(previous))
+    theirs = dynprog.coupled_stage(previous, frame, np.outer(ASIDE, ASIDE), -2, 4, np.empty_like(previous))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-13)
+
+
+def test_unreachable_final_states_are_counted():
+    """Per axis Tonissen reaches 240 of 300 (position, velocity) pairs in 11 frames of 50 cells; the extended set all but one."""
+    z = np.zeros((11, 50, 50))
+    assert np.isneginf(solve(z, "conventional", 3)[0][-1]).mean() == 0
+    assert np.isneginf(solve(z, "tonissen", 3)[0][-1]).mean() == pytest.approx(1 - (240 / 300) ** 2, abs=1e-15)
+    assert np.isneginf(solve(z, "weighted", 3)[0][-1]).mean() == pytest.approx(1 - (299 / 300) ** 2, abs=1e-15)
+
+
+# Symmetries -----------------------------------------------------------------------------------------------------------------
+
+DATA = np.random.default_rng(7).normal(0.5, 1.0, (6, 14, 11))
+
+
+def cells(z, name):
+    return solve(z, name, 3)[1][:, 2:]
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "penalised"])
+def test_scaling_the_data_changes_no_path(name):
+    np.testing.assert_array_equal(cells(4.0 * DATA, name), cells(DATA, name))
+
+
+@pytest.mark.parametrize("name", ["conventional", "tonissen", "unweighted", "penalised"])
+def test_shifting_the_data_changes_no_path(name):
+    np.testing.assert_array_equal(cells(DATA - 8.0, name), cells(DATA, name))
+    np.testing.assert_array_equal(cells(DATA + 8.0, name), cells(DATA, name))
+
+
+@pytest.mark.parametrize("name", ["weighted", "literal"])
+def test_a_multiplicative_weight_is_not_invariant_to_a_shift(name):
+    assert (cells(DATA - 8.0, name) != cells(DATA, name)).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_transposed_data_give_the_transposed_path(name):
+    np.testing.assert_array_equal(cells(DATA.transpose(0, 2, 1), name), cells(DATA, name)[:, ::-1])
+
+
+@pytest.mark.parametrize("name", ["conventional", "tonissen"])
+def test_reflected_data_give_the_reflected_path(name):
+    """The mirror image of velocity v is 1 - v under the slacks {0, 1}: displacement v - m becomes -(v - m) = (1 - v) - (1 - m)."""
+    x = cells(DATA, name)
+    np.testing.assert_array_equal(cells(DATA[:, ::-1], name), np.stack((13 - x[:, 0], x[:, 1]), axis=1))
+
+
+def test_a_larger_set_never_lowers_a_value():
+    extended, kept = (solve(DATA, name, 3)[0][-1] for name in ("unweighted", "tonissen"))
+    assert (extended >= kept).all()
+    weighted = solve(DATA + 9.0, "weighted", 3)[0][-1]
+    assert (solve(DATA + 9.0, "unweighted", 3)[0][-1] >= weighted).all()
+    assert not (weighted >= solve(DATA + 9.0, "tonissen", 3)[0][-1]).all()
+
+
+def test_single_precision_rounds_and_does_nothing_else():
+    z, w = dynprog.margin(DATA.astype(np.float32), 4), ASIDE.astype(np.float32)
+    I = np.empty((len(z), 6, 6, *z.shape[1:]), np.float32)
+    I[0] = z[0]
+    for k in range(1, len(z)):
+        dynprog.weighted_stage(I[k - 1], z[k], w, w, -2, 4, I[k])
+    np.testing.assert_allclose(I[-1][..., 4:-4, 4:-4], solve(DATA, "weighted", 3)[0][-1], rtol=2e-6, atol=2e-6)
+
+
+# Bad input ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        (np.zeros((5, 5)), "not (K, Nx, Ny)"),
+        (np.zeros((2, 0, 5)), "at least one cell"),
+        (np.where(np.arange(24).reshape(2, 3, 4) == 17, np.nan, 0.0), "nan in frame 1, cell (1, 1)"),
+        (np.where(np.arange(24).reshape(2, 3, 4) == 3, np.inf, 0.0), "inf in frame 0, cell (0, 3)"),
+    ],
+)
+def test_bad_frames_are_one_line(frames, message):
+    with pytest.raises(ValueError, match="frames: ") as error:
+        dynprog.margin(frames, 3)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("slack", [np.ones(4), [1, 0, 1], [1, 1, -1], [np.nan, 1, 1], np.ones((3, 3))])
+def test_bad_windows_are_one_line(slack):
+    with pytest.raises(ValueError, match="position: ") as error:
+        dynprog.weights(slack, "position")
+    assert "\n" not in str(error.value)
+
+
+def test_a_margin_that_a_step_could_leave_is_refused():
+    z = dynprog.margin(np.zeros((2, 6, 6)), 2)
+    I = np.empty((2, 1, 1, 10, 10))
+    with pytest.raises(ValueError, match="margin"):
+        dynprog.box_stage(I[0], z[1], np.ones(7), 0, 2, I[1])
+    with pytest.raises(ValueError, match="three weights"):
+        dynprog.weighted_stage(I[0], z[1], np.ones(5), np.ones(3), 0, 2, I[1])
