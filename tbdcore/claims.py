@@ -400,7 +400,8 @@ def _same(claim, value, unit):
         printed = parse(claim.value)[0]
         number = float(value)
     except (TypeError, ValueError):
-        return "".join(str(value).split()) == "".join(claim.value.split())
+        text = str(list(value) if isinstance(value, tuple) else value)
+        return "".join(text.split()) == "".join(claim.value.split())
     (dimension, ours), (printed_dimension, theirs) = UNITS[unit], UNITS[claim.unit]
     if dimension != printed_dimension and "number" not in (dimension, printed_dimension):
         raise ValueError(f"{claim.id}: {unit} and {claim.unit} are different dimensions")
