@@ -19,8 +19,7 @@ straight line.
 **Regimes.**  Whether there is a target and which law it follows is a Markov chain over a few regimes, one row of ``Pi`` per
 regime it comes from.  ``regimes`` moves the regimes of many particles, one uniform draw each; ``advance`` then moves their
 states, each by its own regime: 0 absent (the state has no meaning and is left alone), 1 constant velocity, 2 coordinated
-turn with the particle's own turn rate.  It draws its accelerations from the caller's generator, two per living particle, in
-order.
+turn with the particle's own turn rate.  Both take the draws they need as arrays and are functions of numbers.
 
 Not here: where new targets are born (the notebooks), what is measured (``sensor``, ``kalman``).
 """
@@ -30,6 +29,25 @@ import math
 import numpy as np
 
 from tbdcore import kernel
+
+# Straight and white ----------------------------------------------------------------------------------------------------
+
+
+def cv(T):
+    """Transition matrix (4, 4) of a constant velocity over T seconds, state [x, vx, y, vy]."""
+    return np.kron(np.eye(2), np.array([[1.0, T], [0.0, 1.0]]))
+
+
+def white_acceleration(T, q):
+    """Covariance (4, 4) of T seconds of white acceleration with power density q, in m^2/s^3, on each axis."""
+    return q * np.kron(np.eye(2), np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]]))
+
+
+def step_acceleration(T, a):
+    """Covariance (4, 4) of an acceleration of standard deviation a, in m/s^2, that is constant during the T seconds."""
+    g = np.array([T**2 / 2, T])
+    return a**2 * np.kron(np.eye(2), np.outer(g, g))
+
 
 # Coordinated turn ------------------------------------------------------------------------------------------------------
 
@@ -79,40 +97,40 @@ def regimes(r, Pi, u):
     return out
 
 
-def advance_spec(S, r, accel, T, rng):
+def advance_spec(S, r, a, T):
     """Specification of :func:`advance`: one matrix per living particle."""
     out = S.copy()
-    alive = np.flatnonzero(r)
-    a = accel * rng.standard_normal((alive.size, 2))
-    for n, (ax, ay) in zip(alive, a, strict=True):
+    G = np.array([T * T / 2, T])
+    for n, (ax, ay) in zip(np.flatnonzero(r), a, strict=True):
         F = coordinated_turn(S[n, 4] if r[n] == 2 else 0.0, T)
-        out[n, :4] = F @ S[n, :4] + np.array([T * T / 2 * ax, T * ax, T * T / 2 * ay, T * ay])
+        out[n, :4] = F @ S[n, :4] + np.concatenate([G * ax, G * ay])
     return out
 
 
 @kernel
-def advance(S, r, accel, T, rng):
+def advance(S, r, a, T):
     """States (N, 5) one frame later, each by its own regime.
 
     S : (N, 5) states [x, vx, y, vy, omega]; r : (N,) regimes 0 absent, 1 constant velocity, 2 coordinated turn.
-    accel : standard deviation of the acceleration per axis, constant during the step; two normal draws per living
-    particle, in order.  Absent particles are copied; the turn rate never changes here.
+    a : (L, 2) accelerations, constant during the step, one row for each of the L living particles in their order.
+    Absent particles are copied; the turn rate never changes here.
     """
     out = S.copy()
+    m = 0
     for n in range(r.size):
         if r[n] == 0:
             continue
+        ax, ay = a[m, 0], a[m, 1]
+        m += 1
         vx, vy = S[n, 1], S[n, 3]
-        a, b, c, s = T, 0.0, 1.0, 0.0
-        if r[n] == 2 and S[n, 4] != 0.0:
-            h = 0.5 * S[n, 4] * T
+        along, aside, c, s = T, 0.0, 1.0, 0.0
+        h = 0.5 * S[n, 4] * T
+        if r[n] == 2 and h != 0.0:
             sh, ch = math.sin(h), math.cos(h)
             f = T * sh / h
-            a, b, c, s = f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch
-        ax = accel * rng.standard_normal()
-        ay = accel * rng.standard_normal()
-        out[n, 0] = S[n, 0] + a * vx - b * vy + 0.5 * T * T * ax
+            along, aside, c, s = f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch
+        out[n, 0] = S[n, 0] + along * vx - aside * vy + 0.5 * T * T * ax
         out[n, 1] = c * vx - s * vy + T * ax
-        out[n, 2] = S[n, 2] + b * vx + a * vy + 0.5 * T * T * ay
+        out[n, 2] = S[n, 2] + aside * vx + along * vy + 0.5 * T * T * ay
         out[n, 3] = s * vx + c * vy + T * ay
     return out

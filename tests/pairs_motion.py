@@ -15,10 +15,15 @@ def cloud(n, seed=1):
     return S, rng.integers(0, 3, n), rng
 
 
+def step(n, accel, T):
+    S, r, rng = cloud(n)
+    return S, r, accel * rng.standard_normal((np.count_nonzero(r), 2)), T
+
+
 CASES = [
-    ("advance", motion.advance, motion.advance_spec, lambda: (*cloud(300)[:2], 0.1, 1.0, np.random.default_rng(2))),
-    ("advance", motion.advance, motion.advance_spec, lambda: (*cloud(40)[:2], 0.0, 0.25, np.random.default_rng(2))),
-    ("advance", motion.advance, motion.advance_spec, lambda: (*cloud(0)[:2], 0.1, 1.0, np.random.default_rng(2))),
+    ("advance", motion.advance, motion.advance_spec, lambda: step(300, 0.1, 1.0)),
+    ("advance", motion.advance, motion.advance_spec, lambda: step(40, 0.0, 0.25)),
+    ("advance", motion.advance, motion.advance_spec, lambda: step(0, 0.1, 1.0)),
     ("regimes", motion.regimes, motion.regimes_spec, lambda: (cloud(500)[1], PI, np.random.default_rng(3).random(500))),
     ("regimes", motion.regimes, motion.regimes_spec, lambda: (np.array([0, 0, 1, 2]), PI, np.array([0.0, 0.9, 0.1, 0.2]))),
     ("regimes", motion.regimes, motion.regimes_spec, lambda: (np.zeros(0, np.int64), PI, np.zeros(0))),
