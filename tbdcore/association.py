@@ -405,3 +405,31 @@ def jipda_spec(log_ratio, existence, detect):
 def events(T, M):
     """Number of joint events of T tracks that all share M plots: sum_k C(T, k) C(M, k) k!."""
     return sum(math.comb(T, k) * math.comb(M, k) * math.factorial(k) for k in range(min(T, M) + 1))
+
+
+def listed_events(inside):
+    """Number of joint events to be listed for gates ``inside`` (T, M) bool, one list per cluster of tracks that share plots.
+
+    Within a cluster the events are counted plot by plot over the sets of tracks served, as ``jipda`` sums their weights.
+    """
+    todo, total = set(range(len(inside))), 0
+    while todo:
+        cluster = _cluster(inside, todo.pop())
+        todo -= cluster
+        ways = {frozenset(): 1}
+        for plot in inside[sorted(cluster)].T:
+            more = dict(ways)
+            for served, count in ways.items():
+                for t in set(np.flatnonzero(plot)) - served:
+                    more[served | {t}] = more.get(served | {t}, 0) + count
+            ways = more
+        total += sum(ways.values())
+    return total
+
+
+def _cluster(inside, t):
+    """Set of the tracks that are connected to track t by shared plots."""
+    cluster, plots = {t}, inside[t]
+    while len(more := set(np.flatnonzero(inside[:, plots].any(axis=1)))) > len(cluster):
+        cluster, plots = cluster | more, inside[sorted(more)].any(axis=0)
+    return cluster

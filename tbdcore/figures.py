@@ -66,6 +66,7 @@ COLOURS = {  # an algorithm keeps its colour through the whole repository
     "traditional": BLUE,
     "proposed": ORANGE,
     "beyond": GREEN,
+    "exact_ai": PURPLE,
 }
 LINES = {"reference": "--", "exact": ":", "traditional": "-.", "truth": "--"}
 Z99 = 2.576

@@ -324,3 +324,17 @@ def update_mixture(x, P, D, z, beta):
             for j in range(i, 4):
                 cov[t, i, j] = cov[t, j, i] = P[t, i, j] + g0 * K[j, 0] + g1 * K[j, 1]
     return mean, cov
+
+
+def position_bound(F, R, P, p_detect):
+    """Posterior Cramer-Rao bound (K, T, 4, 4) of tracks whose positions are seen with probability p_detect in each scan.
+
+    ``F`` (K - 1, T, 4, 4) known transitions without process noise, ``R`` (K, T, 2, 2) plot covariances at the true positions, ``P``
+    (T, 4, 4) covariance of the first state, whose scan is not measured.  J_k = (F J_{k-1}^-1 F')^-1 + p_detect H' R_k^-1 H.
+    """
+    bounds = [P]
+    for step, noise in zip(F, R[1:], strict=True):
+        J = np.linalg.inv(step @ bounds[-1] @ np.swapaxes(step, -1, -2))
+        J[..., ::2, ::2] += p_detect * np.linalg.inv(noise)
+        bounds.append(np.linalg.inv(J))
+    return np.array(bounds)

@@ -15,6 +15,9 @@ w the weight of the second point, s1 and s2 the standard errors and c12 the cova
 are correlated when the same trials make both.  ``crossings`` does the same for many curves at once, one per row, as
 the replicas of a bootstrap or of the paper's own number of trials need it.
 
+**Lost tracks.**  ``loss_onsets`` says when a track was lost under a stated rule, ``kept_rmse`` what the error of the others
+is, with the influence of each trial on it, from which paired differences get their errors.
+
 **Errors.**  ``rmse`` is the root mean square over trials of a Euclidean error; ``ospa`` the distance between two finite sets.
 """
 
@@ -108,3 +111,39 @@ def ospa_bernoulli(x, existence, truth, c, threshold=0.5):
     declared, present = np.asarray(existence) > threshold, ~np.isnan(truth[..., 0])
     distance = np.minimum(np.sqrt(np.sum(np.square(x - truth), axis=-1)), c)
     return np.where(declared & present, distance, np.where(declared | present, float(c), 0.0))
+
+
+# Tracks that may be lost -----------------------------------------------------------------------------------------------
+
+
+def loss_onsets(error, distance, scans, after=0):
+    """Scan index at which a track is lost, shape (..., T), and the number of scans K where it never is.
+
+    `error` (..., K, T, 2).  Lost: farther than `distance` in `scans` scans running, none of them before index `after`; the onset is
+    the first of them.  A track that comes back counts as lost all the same.
+    """
+    far = np.hypot(error[..., 0], error[..., 1]) > distance
+    far[..., :after, :] = False
+    if far.shape[-2] < scans:
+        return np.full((*far.shape[:-2], far.shape[-1]), far.shape[-2])
+    running = np.lib.stride_tricks.sliding_window_view(far, scans, axis=-2).all(axis=-1)
+    return np.where(running.any(axis=-2), running.argmax(axis=-2), far.shape[-2])
+
+
+def kept_rmse(error, kept):
+    """RMSE by scan, track and axis over the trials in which a track was kept, and what each trial contributes to it.
+
+    `error` (n, K, T, 2), `kept` (n, T) bool.  Returns the RMSE (K, T, 2) and its influences (n, K, T, 2): their standard deviation
+    over sqrt(n) is the standard error, of the RMSE or, after averaging, subtracting or both, of means and paired differences.
+    NaN where no trial is kept.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weight = (kept / kept.mean(axis=0))[:, None, :, None]
+        square = np.where(kept[:, None, :, None], weight * np.square(error), 0.0)
+        mean = np.where(kept.any(axis=0)[:, None], square.mean(axis=0), np.nan)
+        return np.sqrt(mean), (square - weight * mean) / (2 * np.sqrt(mean))
+
+
+def influence_error(influence):
+    """Standard error over the leading axis of influences (n, ...)."""
+    return np.std(influence, axis=0) / math.sqrt(len(influence))

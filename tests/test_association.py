@@ -73,6 +73,17 @@ def test_the_number_of_joint_events_is_counted_right():
     assert [association.events(T, T + 2) for T in range(1, 9)] == [4, 21, 136, 1045, 9276, 93289, 1047376, 12975561]
 
 
+def test_listed_events_of_clusters():
+    apart, shared = np.kron(np.eye(2, dtype=bool), np.ones((1, 3), bool)), np.ones((2, 4), bool)
+    assert association.listed_events(apart) == 4 + 4
+    assert association.listed_events(shared) == association.events(2, 4)
+    both = np.zeros((4, 10), bool)
+    both[:2, :6], both[2:, 6:] = apart, shared
+    assert association.listed_events(both[[0, 2, 1, 3]]) == 8 + association.events(2, 4)
+    chain = np.array([[1, 1, 0], [0, 1, 1], [0, 0, 0]], bool)  # 1 + 2 + 2 + 3 pairs, and a track without plots
+    assert association.listed_events(chain) == 8 + 1
+
+
 def test_jipda_of_certain_tracks_is_jpda():
     """Two tracks, two plots, existence one: the seven JPDA events written out."""
     (a, b), (c, d) = L = np.array([[0.7, 2.1], [1.3, 0.4]])
@@ -256,6 +267,20 @@ def test_one_certain_plot_is_a_kalman_update():
     exact = kalman.update(x[0], P[0], z[0] - zhat[0], H, R[0])
     np.testing.assert_allclose(mean[0], exact[0], rtol=1e-9)
     np.testing.assert_allclose(cov[0], exact[1], rtol=1e-9, atol=1e-9)
+
+
+def test_bound_is_the_kalman_covariance_when_every_plot_arrives():
+    rng = np.random.default_rng(4)
+    A = rng.normal(size=(2, 4, 4))
+    P, F = A @ np.swapaxes(A, 1, 2) + np.eye(4), np.broadcast_to(np.kron(np.eye(2), [[1.0, 2.0], [0.0, 1.0]]), (5, 2, 4, 4))
+    R = np.broadcast_to(np.diag([3.0, 5.0]), (6, 2, 2, 2))
+    bound, H = kalman.position_bound(F, R, P, 1.0), np.eye(4)[::2]
+    for t in range(2):
+        cov = P[t]
+        for k in range(5):
+            x, cov = kalman.predict(np.zeros(4), cov, F[k, t], 0.0)
+            cov = kalman.update(x, cov, np.zeros(2), H, R[k, t])[1]
+        np.testing.assert_allclose(bound[-1, t], cov, rtol=1e-9)
 
 
 # Bad input -------------------------------------------------------------------------------------------------------------
