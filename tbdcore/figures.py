@@ -66,9 +66,13 @@ COLOURS = {  # an algorithm keeps its colour through the whole repository
     "traditional": BLUE,
     "proposed": ORANGE,
     "beyond": GREEN,
+    "conventional": BLUE,  # the transition sets of dp_tbd
+    "tonissen": PURPLE,
+    "weighted": ORANGE,
+    "literal": SKY,
     "exact_ai": PURPLE,
 }
-LINES = {"reference": "--", "exact": ":", "traditional": "-.", "truth": "--"}
+LINES = {"reference": "--", "exact": ":", "traditional": "-.", "truth": "--", "conventional": "-.", "tonissen": "--"}
 Z99 = 2.576
 
 
