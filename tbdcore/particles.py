@@ -113,24 +113,24 @@ def systematic(W, M, u):
 # Ancestors' history ----------------------------------------------------------------------------------------------------
 #
 # A particle's state has a past: the states of its ancestors, a candidate track.  What was read along that track in the last
-# `window` frames is a column of H (window, N); frame k stands in row k mod window, whatever the age of the particle, so
-# that a row is written in one piece and the columns alone move in resampling.
+# `window` frames is kept in H (window, ..., N), particles on the last axis; frame k stands in row k mod window, whatever the
+# age of the particle, so that a frame is written in one piece and only the particles move in resampling.
 
 
 def record(H, age, k, sample):
-    """Enter what every particle read in frame k: sample (N,) into row k mod window of H, and age (N,) grows by one; in place."""
+    """Enter what every particle read in frame k, in place: sample (..., N) into row k mod window of H; age (N,) grows by one."""
     H[k % len(H)] = sample
     age += 1
 
 
 def inherit(H, age, ancestors, births):
-    """History and age after resampling: columns of the `ancestors` (M,), followed by `births` particles that have none.
+    """History and age after resampling: those of the `ancestors` (M,), followed by `births` particles that have none.
 
-    H : (window, N); age : (N,) frames recorded since birth.  Returns new arrays (window, M + births) and (M + births,).
+    H : (window, ..., N); age : (N,) frames recorded since birth.  Returns new arrays (window, ..., M + births) and (M + births,).
     """
     M = len(ancestors)
-    moved, older = np.zeros((len(H), M + births)), np.zeros(M + births, age.dtype)
-    np.take(H, ancestors, axis=1, out=moved[:, :M], mode="clip")
+    moved, older = np.zeros((*H.shape[:-1], M + births)), np.zeros(M + births, age.dtype)
+    np.take(H, ancestors, axis=-1, out=moved[..., :M], mode="clip")
     older[:M] = age[ancestors]
     return moved, older
 

@@ -378,7 +378,7 @@ def patch_fit(z, rho, alpha, spread):
     lr, la, hr, ha = spread
     fr = np.exp(-lr * np.arange(hr + 1.0) ** 2)
     fa = np.exp(-la * np.arange(ha + 1.0) ** 2)
-    gr, ga = np.empty(2 * hr + 1), np.empty(2 * ha + 1)
+    gr, ga, column = np.empty(2 * hr + 1), np.empty(2 * ha + 1), np.empty(2 * ha + 1)
     out = np.zeros((2, rho.size))
     for n in range(rho.size):
         if not (0.5 <= rho[n] < nr + 0.5 and 0.5 <= alpha[n] < na + 0.5):
@@ -387,15 +387,21 @@ def patch_fit(z, rho, alpha, spread):
         d, e = rho[n] - i0, alpha[n] - j0
         _bell(gr, math.exp(-lr * d * d - la * e * e), math.exp(2.0 * lr * d), fr)
         _bell(ga, 1.0, math.exp(2.0 * la * e), fa)
+        lo, hi = max(j0 - 1 - ha, 0), min(j0 + ha, na)
+        for k in range(hi - lo):
+            column[k] = 0.0
+        energy_r = energy_a = 0.0
         for i in range(max(i0 - 1 - hr, 0), min(i0 + hr, nr)):
-            match = energy = 0.0
-            for j in range(max(j0 - 1 - ha, 0), min(j0 + ha, na)):
-                g = ga[j - j0 + 1 + ha]
-                match += g * (z[i, j] - 1.0)
-                energy += g * g
             g = gr[i - i0 + 1 + hr]
-            out[0, n] += g * match
-            out[1, n] += g * g * energy
+            energy_r += g * g
+            row = z[i, lo:hi]
+            for k in range(row.size):
+                column[k] += g * (row[k] - 1.0)
+        for k in range(hi - lo):
+            g = ga[k + lo - j0 + 1 + ha]
+            energy_a += g * g
+            out[0, n] += g * column[k]
+        out[1, n] = energy_r * energy_a
     return out
 
 
