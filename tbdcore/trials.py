@@ -162,31 +162,25 @@ def _spread(pool: Executor, trial, n, seed, label):
 
 
 def _chunk(trial, seed, first, last):
-    """Trials first..last-1, joined."""
+    """Trials first..last-1, stacked."""
     results = []
     for i in range(first, last):
         try:
-            results.append(_lead(trial(seed, i)))
+            results.append(trial(seed, i))
         except Exception as error:
             raise RuntimeError(f"trial {i} of seed {seed}: {type(error).__name__}: {error}") from error
-    return _join(results)
-
-
-def _lead(result):
-    """The result of one trial with a leading axis of length 1."""
-    return (
-        _rebuild(result, [np.asarray(field)[None] for field in result]) if isinstance(result, tuple) else np.asarray(result)[None]
-    )
+    return _by_field(np.stack, results)
 
 
 def _join(parts):
-    """Results along the leading axis, field by field."""
-    first = parts[0]
-    if isinstance(first, tuple):
-        return _rebuild(first, [np.concatenate(fields) for fields in zip(*parts, strict=True)])
-    return np.concatenate(parts)
+    """Stacked results one after the other."""
+    return _by_field(np.concatenate, parts)
 
 
-def _rebuild(like, fields):
-    """A tuple of the same kind with other fields."""
-    return like._make(fields) if hasattr(like, "_make") else tuple(fields)
+def _by_field(gather, results):
+    """Apply a function to the list of results, or to each field's list when they are (named) tuples."""
+    first = results[0]
+    if not isinstance(first, tuple):
+        return gather(results)
+    fields = [gather(field) for field in zip(*results, strict=True)]
+    return first._make(fields) if hasattr(first, "_make") else tuple(fields)
