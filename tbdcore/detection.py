@@ -16,15 +16,20 @@ target.  It says how much more a plot looks like the target than like a false al
 threshold and the false-alarm probability were.
 
 Signal-to-noise ratios are linear power ratios here; ``db`` and ``linear`` convert.  The echo weakens with the fourth
-power of the range, ``radar_equation``.  All functions take scalars or arrays.  Nothing here knows where a target may
-be: gates are ``kalman``'s.
+power of the range, ``radar_equation``.  All of these take scalars or arrays.
+
+A tracker looks at the cells inside a gate only, and a gate cuts through cells.  ``false_plot`` draws the false alarms of such a
+gate, cell by cell and from one uniform number; where the gate is, is ``kalman``'s business.
 """
 
+import itertools
 import math
 
 import numpy as np
 
 from tbdcore import kernel
+
+GOLDEN = 0.6180339887498949
 
 
 def db(ratio):
@@ -89,3 +94,49 @@ def amplitude_ratio(excess, snr):
         for m in range(excess.size):
             out[t, m] = gain * excess[m] - level
     return out
+
+
+def false_plot_spec(u, v, centre, half, cell, p_false, nth):
+    """:func:`false_plot` by listing the cells of the gate, then walking through the list."""
+    edges = []
+    for c, h, w in zip(centre, half, cell, strict=True):
+        i = np.arange(math.floor((c - h) / w), math.ceil((c + h) / w))
+        edges.append(list(zip(np.maximum(c - h, i * w), np.minimum(c + h, (i + 1) * w), strict=True)))
+    fired = []
+    for r, a in itertools.product(*edges):
+        q = p_false * (r[1] - r[0]) * (a[1] - a[0]) / (cell[0] * cell[1])
+        u, fires = (u / q, True) if u < q else ((u - q) / (1 - q), False)
+        fired += [(r, a)] if fires else []
+    if nth >= len(fired):
+        return False, 0.0, 0.0
+    turned = (np.asarray(v) + nth * GOLDEN) % 1.0
+    return True, *(low + (high - low) * t - c for (low, high), t, c in zip(fired[nth], turned, centre, strict=True))
+
+
+@kernel
+def false_plot(u, v, centre, half, cell, p_false, nth):
+    """The nth false plot inside a rectangular gate that lies over a grid of cells: (found, residual on axis 0, on axis 1).
+
+    Cell i fires with probability beta_i p_false, beta_i the share of the cell inside the gate, independently of the
+    others; all of this from one uniform number: if u < q the cell fires and u / q is uniform again, otherwise (u - q)
+    / (1 - q) is.
+
+    u : float in [0, 1); v : pair of floats in [0, 1), the place inside the cell (turned by the golden section from
+    one false plot to the next). centre, half, cell : pairs, centre and half width of the gate and width of a cell, in
+    m and rad.
+    """
+    found = 0
+    for i in range(math.floor((centre[0] - half[0]) / cell[0]), math.ceil((centre[0] + half[0]) / cell[0])):
+        r0, r1 = max(centre[0] - half[0], i * cell[0]), min(centre[0] + half[0], (i + 1) * cell[0])
+        for j in range(math.floor((centre[1] - half[1]) / cell[1]), math.ceil((centre[1] + half[1]) / cell[1])):
+            a0, a1 = max(centre[1] - half[1], j * cell[1]), min(centre[1] + half[1], (j + 1) * cell[1])
+            q = p_false * (r1 - r0) * (a1 - a0) / (cell[0] * cell[1])
+            if u >= q:
+                u = (u - q) / (1.0 - q)
+                continue
+            u /= q
+            if found == nth:
+                t0, t1 = (v[0] + nth * GOLDEN) % 1.0, (v[1] + nth * GOLDEN) % 1.0
+                return True, r0 + (r1 - r0) * t0 - centre[0], a0 + (a1 - a0) * t1 - centre[1]
+            found += 1
+    return False, 0.0, 0.0

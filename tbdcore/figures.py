@@ -106,31 +106,60 @@ class Portfolio:
 
     def __init__(self, paper, folder, provenance):
         self.paper, self.folder, self.provenance = paper, folder, provenance
-        self.files = {}
+        self.files, self.drawn = {}, {}
 
     def new(self, rows=1, cols=1, width=6.4, height=3.6, **subplots):
         """A figure in the house style and its axes; sizes in inches."""
         return new(rows, cols, width, height, **subplots)
 
-    def band(self, ax, x, mean, se, name="reference", label=None, **style):
-        """A Monte Carlo curve with its 99 % band; NaNs are gaps."""
+    def band(self, ax, x, mean, se=None, name="reference", label=None, **style):
+        """A curve, with its 99 % Monte Carlo band where a standard error is given; NaNs are gaps.
+
+        `name` chooses colour and line style; what is drawn is remembered for the figure's CSV under `label`.
+        """
         style = {"color": COLOURS[name], "ls": LINES.get(name, "-")} | style
-        mean, se = np.asarray(mean, float), np.asarray(se, float)
-        (line,) = ax.plot(x, mean, label=label or name, **style)
-        ax.fill_between(x, mean - Z99 * se, mean + Z99 * se, color=line.get_color(), alpha=0.2, lw=0)
+        mean = np.asarray(mean, float)
+        (line,) = ax.plot(x, mean, label=label, **style)
+        if se is not None:
+            half = Z99 * np.asarray(se, float)
+            ax.fill_between(x, mean - half, mean + half, color=line.get_color(), alpha=0.2, lw=0)
+        self._remember(ax, label or name, x, mean, se)
         return line
+
+    def marks(self, ax, x, y, name="paper", label=None, **style):
+        """Points without a curve, by default what the paper prints; remembered like a band."""
+        ax.plot(x, y, **({"ls": "none", "marker": "x", "ms": 8, "mew": 2, "color": COLOURS[name], "label": label or name} | style))
+        self._remember(ax, label or name, x, y)
+
+    def _remember(self, ax, series, x, y, se=None):
+        columns = {"series": series, "x": np.atleast_1d(x), "y": np.atleast_1d(y)} | (
+            {} if se is None else {"se": np.atleast_1d(se)}
+        )
+        self.drawn.setdefault(ax.figure, []).append((ax, pd.DataFrame(columns)))
+
+    def _data(self, fig):
+        """Everything that `band` and `marks` drew on a figure, in long form; a column of panel numbers if it has several."""
+        drawn = self.drawn.pop(fig, [])
+        if not drawn:
+            return None
+        panels = list(fig.axes)
+        many = len({ax for ax, _ in drawn}) > 1
+        frames = [frame.assign(panel=panels.index(ax)) if many else frame for ax, frame in drawn]
+        return pd.concat(frames, ignore_index=True)
 
     def save(self, fig, name, data=None, caption="", claims=()):
         """Keep a figure as ``<paper>/<name>``; returns a Product that displays it.
 
-        `data` is a DataFrame of everything drawn (None for a schematic only), `claims` the ids of the claims the figure shows.
-        Raises ValueError for a name that was used before, or a missing caption.
+        `data` is a DataFrame of everything drawn; without one it is what `band` and `marks` drew (nothing, in a
+        schematic).  `claims` are the ids of the claims the figure shows. Raises ValueError for a name that was used
+        before, or a missing caption.
         """
         id = self._id(name, caption)
         with matplotlib.rc_context(STYLE):
             pictures = {extension: _render(fig, id, extension) for extension in ("pdf", "svg", "png")}
         for extension, content in pictures.items():
             self.files[f"{name}.{extension}"] = content
+        data = self._data(fig) if data is None else data
         if data is not None:
             self.files[f"{name}.csv"] = _csv(data)
         self.files[f"{name}.json"] = self._json(id, caption, claims)
