@@ -156,6 +156,8 @@ class Portfolio:
         """
         id = self._id(name, caption)
         with matplotlib.rc_context(STYLE):
+            fig.draw_without_rendering()  # the layout is worked out once, not once for each format
+            fig.set_layout_engine("none")
             pictures = {extension: _render(fig, id, extension) for extension in ("pdf", "svg", "png")}
         for extension, content in pictures.items():
             self.files[f"{name}.{extension}"] = content
