@@ -441,6 +441,16 @@ def scorecard(folder=None):
     return card
 
 
+def ledger(folder=None):
+    """The verdicts on every claim of every paper, one row each, the paper's name in front.
+
+    Raises like :func:`verdicts`.
+    """
+    tables = [verdicts(paper, folder) for paper in papers()]
+    frame = pd.concat(tables, keys=papers(), names=["paper", None])
+    return frame.reset_index("paper").reset_index(drop=True)
+
+
 def verdicts(paper, folder=None):
     """The verdicts.csv of a paper, all text; checked for completeness against its claims."""
     path = (folder or paths.figures()) / paper / "verdicts.csv"

@@ -71,6 +71,7 @@ def _parser():
         "score", help="scorecard from the verdicts", description="Scorecard from the verdicts of all papers."
     )
     score.add_argument("--out", metavar="DIR", help="folder that holds the products instead of figures/")
+    score.add_argument("--check", action="store_true", help="write nothing; fail when scorecard or README are stale")
     score.set_defaults(command=_score)
     return parser
 
@@ -166,18 +167,75 @@ def _nothing(seed, i):
 
 
 def _score(arguments):
-    """Write figures/scorecard.{csv,md} and print it; fail when a claim is missing."""
+    """Write the scorecard and README's table and print them; fail when a claim is missing or its verdict has changed.
+
+    figures/scorecard.csv holds every verdict, scorecard.md the counts.
+    """
     from tbdcore import claims, figures
 
     folder = Path(arguments.out) if arguments.out else paths.figures()
     try:
-        card = claims.scorecard(folder)
+        every, text = claims.ledger(folder), figures.markdown(claims.scorecard(folder))
     except (ValueError, FileNotFoundError) as error:
         raise Fault(error, FAILED) from None
-    text = figures.markdown(card)
-    figures.write(folder, {"scorecard.csv": figures._csv(card), "scorecard.md": text.encode()})
+    files = {folder / "scorecard.csv": figures._csv(every), folder / "scorecard.md": text.encode()}
+    if not arguments.out:
+        files[paths.README] = _readme(every).encode()
     print(text, end="")
+    changes = _changes(folder / "scorecard.csv", every)
+    stale = [path.name for path, content in files.items() if not path.is_file() or path.read_bytes() != content]
+    if arguments.check and stale:
+        raise Fault(f"{', '.join(stale)}: not what the verdicts say; run: tbdcore score", FAILED)
+    for path, content in files.items():
+        figures.write(path.parent, {path.name: content})
+    if changes:
+        raise Fault(f"{len(changes)} verdicts are not those of the last scorecard: {'; '.join(changes)}", FAILED)
     return GOOD
+
+
+def _changes(scorecard, every):
+    """The claims whose verdict is not the one in an earlier scorecard.csv."""
+    import pandas as pd
+
+    if not scorecard.is_file():
+        return []
+    key = ["paper", "id"]
+    both = every.merge(pd.read_csv(scorecard, dtype=str, keep_default_na=False), on=key, suffixes=("", "_old"))
+    changed = both[both["verdict"] != both["verdict_old"]]
+    return [f"{row.paper} {row.id} was {row.verdict_old}, is {row.verdict}" for row in changed.itertuples()]
+
+
+def _readme(every):
+    """README.md with the table of papers between its markers made anew."""
+    from tbdcore import figures
+
+    begin, end = "<!-- scorecard -->\n", "<!-- /scorecard -->"
+    before, _, rest = paths.README.read_text(encoding="utf-8").partition(begin)
+    _, found, after = rest.partition(end)
+    if not found:
+        raise ValueError(f"README.md: the lines {begin.strip()} and {end} are missing; the table of papers goes between them")
+    return f"{before}{begin}{figures.markdown(_papers(every))}{end}{after}"
+
+
+def _papers(every):
+    """README's table: what came of each paper's numbers and statements; inputs are not results and are not counted."""
+    import tomllib
+
+    import pandas as pd
+
+    from tbdcore import claims, pages
+
+    about = tomllib.loads((paths.DATA / "papers.toml").read_text(encoding="utf-8"))
+    rows = []
+    for paper in pages.papers():
+        inputs = [claim.id for claim in claims.read(paper).values() if claim.kind == "input"]
+        results = every[(every["paper"] == paper) & ~every["id"].isin(inputs)]
+        counts = results["verdict"].value_counts()
+        rest = ", ".join(f"{counts[verdict]} {verdict}" for verdict in claims.VERDICTS[1:4] if verdict in counts)
+        title = f"{about[paper]['topic']} ({about[paper]['short']})"
+        link = f"[{pages.path(paper).stem}](notebooks/{pages.path(paper).name})"
+        rows.append((title, link, f"{counts.get('reproduced', 0)} of {len(results)}", rest, about[paper]["run_time"]))
+    return pd.DataFrame(rows, columns=["paper", "notebook", "reproduced", "the rest", "run time"])
 
 
 if __name__ == "__main__":

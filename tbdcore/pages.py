@@ -30,6 +30,7 @@ import linecache
 import math
 import os
 import re
+import shlex
 import sys
 import tokenize
 import types
@@ -132,7 +133,7 @@ def page(paper):
 
 
 def _written(file, source):
-    """A real file for the source, where Numba's cache and tracebacks look; where none can be written, lines known to Python alone."""
+    """A real file for the source, where Numba's cache and tracebacks look; without one, lines that Python alone knows."""
     try:
         if not file.is_file():
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -214,9 +215,18 @@ def begin(paper, namespace):
         "seed": values["seed"],
         "trials": values["n_trials"],
         "sources": sources(paper),
+        "remake": remake(paper, values),
         "versions": versions(),
     }
     return Ledger(paper, strict=default), Portfolio(paper, folder, provenance)
+
+
+def remake(paper, values):
+    """The command that runs a notebook with these parameters."""
+    known = parameters(paper)
+    changed = {name: values[name] for name in known if name not in PLUMBING and values[name] != known[name].default}
+    written = {name: value if isinstance(value, str) else json.dumps(value) for name, value in changed.items()}
+    return shlex.join(["tbdcore", "run", paper, *(part for name, text in written.items() for part in ("-p", f"{name}={text}"))])
 
 
 def _plain_variable(name, value):

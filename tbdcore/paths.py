@@ -13,6 +13,7 @@ DATA = ROOT / "data"  # papers.toml: bibliography
 CLAIMS = DATA / "claims"  # <paper>.csv: what the papers publish
 PACKAGE = ROOT / "tbdcore"
 LOCK = ROOT / "environment.txt"
+README = ROOT / "README.md"
 BUILD = ROOT / "build"  # everything that is neither source nor product
 
 
