@@ -3,23 +3,26 @@
 A product is a set of files with one name, ``<paper>/<figure's own number>``: a figure as PDF, SVG and PNG, a CSV of
 everything that is drawn, and a JSON that says what made it (caption, parameters, seed, trials, claims it shows, a
 hash of the sources, package versions); a table as CSV, Markdown, LaTeX and JSON.  The same run gives the same bytes:
-no dates, a fixed salt for SVG identifiers, data written with as many digits as are certain on any CPU.  The id is
-embedded in each PDF, SVG and PNG, so that a file found in a report can be traced back.
+no dates, a fixed salt for SVG identifiers, data written with as many digits as are certain on any CPU.  The id, the
+hash of the sources and the command that made it are embedded in each PDF, SVG and PNG, so that a file found in a report can be
+traced back (``EMBEDDED``; ``tbdcore which`` reads them).
 
 A notebook's ``Portfolio`` keeps its products in memory.  ``publish``, the notebook's last call, writes them all, each
-beside its place and then renamed, after the ledger of claims has been found complete.  A run that fails or is
-interrupted leaves the old products as they were.
+beside its place and then renamed, after the ledger of claims has been found complete; products of an earlier run that this
+one no longer makes are removed.  A run that fails or is interrupted leaves the old products as they were.
 
 This is the only module that imports matplotlib.  ``COLOURS`` gives each algorithm one colour for the whole repository
 (Okabe and Ito's palette, which the colour-blind can tell apart); ``LINES`` gives it a line style, for print without
 colour.
 """
 
+import contextlib
 import hashlib
 import io
 import json
 import os
 import re
+import signal
 from importlib.metadata import version
 
 import matplotlib
@@ -74,6 +77,12 @@ COLOURS = {  # an algorithm keeps its colour through the whole repository
 }
 LINES = {"reference": "--", "exact": ":", "traditional": "-.", "truth": "--", "conventional": "-.", "tonissen": "--"}
 Z99 = 2.576
+EMBEDDED = {  # where each format keeps the id, the hash of the sources and the command that made the picture
+    "pdf": ("Title", "Subject", "Keywords"),
+    "svg": ("Title", "Source", "Description"),
+    "png": ("Title", "Source", "Comment"),
+}
+NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
 
 class Product:
@@ -98,7 +107,7 @@ class Portfolio:
     folder : pathlib.Path
         Products go to ``folder/<paper>/``.
     provenance : dict
-        What made them: parameters, seed, trials, hash of the sources.
+        What made them: parameters, seed, trials, hash of the sources, the command.
     """
 
     colour = COLOURS
@@ -158,7 +167,7 @@ class Portfolio:
         with matplotlib.rc_context(STYLE):
             fig.draw_without_rendering()  # the layout is worked out once, not once for each format
             fig.set_layout_engine("none")
-            pictures = {extension: _render(fig, id, extension) for extension in ("pdf", "svg", "png")}
+            pictures = {extension: _render(fig, id, self.provenance, extension) for extension in EMBEDDED}
         for extension, content in pictures.items():
             self.files[f"{name}.{extension}"] = content
         data = self._data(fig) if data is None else data
@@ -179,9 +188,16 @@ class Portfolio:
     def publish(self, ledger):
         """Write all products and verdicts.csv; raises, and writes nothing, unless the ledger is complete."""
         table = ledger.table()
-        files = {**self.files, "verdicts.csv": _csv(table)}
-        write(self.folder / self.paper, files)
+        files = {"verdicts.csv": _csv(table), **self.files}  # a product's JSON is the last of its files
+        folder = self.folder / self.paper
+        write(folder, files, old=self._abandoned(folder))
         print(f"{self.paper}: {len(table)} claims ({ledger.summary()}); {len(files)} files")
+
+    def _abandoned(self, folder):
+        """Files of products of this paper that lie in the folder and that this run did not make."""
+        old = [file for file in folder.glob("*.json") if file.name not in self.files]
+        old = [file for file in old if json.loads(file.read_text(encoding="utf-8")).get("paper") == self.paper]
+        return [file.with_suffix(f".{suffix}") for file in old for suffix in (*EMBEDDED, "csv", "md", "tex", "json")]
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -204,21 +220,40 @@ def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
         return fig, fig.subplots(rows, cols, **subplots)
 
 
-def write(folder, files):
-    """Write files (name -> bytes) into a folder: all beside their places first, then renamed.
+def write(folder, files, old=()):
+    """Write files (name -> bytes) into a folder: all beside their places first, then renamed; the files `old` are removed.
 
-    Raises OSError, with nothing replaced, when the folder cannot be made or written.
+    A Ctrl-C during the renaming waits until it is done.  Raises OSError, with nothing replaced, when the folder cannot be made
+    or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     beside = [(folder / f".{name}.part", folder / name) for name in files]
     try:
         for (part, _), content in zip(beside, files.values(), strict=True):
             part.write_bytes(content)
-        for part, place in beside:
-            os.replace(part, place)
+        with _undisturbed():
+            for part, place in beside:
+                os.replace(part, place)
+            for place in old:
+                place.unlink(missing_ok=True)
     finally:
         for part, _ in beside:
             part.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _undisturbed():
+    """Hold back Ctrl-C and a request to end until the block is done (signals reach the main thread only)."""
+    came, before = [], {}
+    with contextlib.suppress(ValueError):  # not the main thread
+        before = {number: signal.signal(number, lambda *event: came.append(event[0])) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+        for number in came:
+            signal.raise_signal(number)
 
 
 def versions():
@@ -234,13 +269,10 @@ def digest(contents):
     return total.hexdigest()[:16]
 
 
-def _render(fig, id, extension):
-    """One picture as bytes, the same bytes every time, with its id inside."""
-    metadata = {
-        "pdf": {"Title": id, "CreationDate": None},
-        "svg": {"Title": id, "Date": None},
-        "png": {"Title": id, "Software": None},
-    }[extension]
+def _render(fig, id, provenance, extension):
+    """One picture as bytes, the same bytes every time, with its id and what made it inside."""
+    about = (id, provenance.get("sources"), provenance.get("remake"))
+    metadata = {key: text for key, text in zip(EMBEDDED[extension], about, strict=True) if text} | NO_DATE[extension]
     buffer = io.BytesIO()
     fig.savefig(buffer, format=extension, metadata=metadata)
     return buffer.getvalue()
