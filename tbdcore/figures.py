@@ -116,6 +116,7 @@ class Portfolio:
     def __init__(self, paper, folder, provenance):
         self.paper, self.folder, self.provenance = paper, folder, provenance
         self.files, self.drawn = {}, {}
+        matplotlib.rcParams.update(STYLE)
 
     def new(self, rows=1, cols=1, width=6.4, height=3.6, **subplots):
         """A figure in the house style and its axes; sizes in inches."""
@@ -209,15 +210,16 @@ class Portfolio:
         return f"{self.paper}/{name}"
 
     def _json(self, id, caption, claims):
-        about = {"id": id, "caption": caption, "paper": self.paper, "claims": list(claims), **self.provenance}
+        files = [name for name in self.files if name.partition(".")[0] == id.partition("/")[2]]
+        about = {"id": id, "caption": caption, "paper": self.paper, "claims": list(claims), "files": files, **self.provenance}
         return (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
     """A figure in the house style and its axes (one, or an array of them); sizes in inches."""
-    with matplotlib.rc_context(STYLE):
-        fig = Figure(figsize=(width, height))
-        return fig, fig.subplots(rows, cols, **subplots)
+    matplotlib.rcParams.update(STYLE)  # from here on: titles and legends are made by the caller, after this returns
+    fig = Figure(figsize=(width, height))
+    return fig, fig.subplots(rows, cols, **subplots)
 
 
 def write(folder, files, old=()):
