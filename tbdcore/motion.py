@@ -19,7 +19,8 @@ straight line.
 **Regimes.**  Whether there is a target and which law it follows is a Markov chain over a few regimes, one row of ``Pi`` per
 regime it comes from.  ``regimes`` moves the regimes of many particles, one uniform draw each; ``advance`` then moves their
 states, each by its own regime: 0 absent (the state has no meaning and is left alone), 1 constant velocity, 2 coordinated
-turn with the particle's own turn rate.  Both take the draws they need as arrays and are functions of numbers.
+turn with the particle's own turn rate.  Both take the draws they need as arrays and are functions of numbers: what a birth
+looks like is the notebook's business.
 
 Not here: where new targets are born (the notebooks), what is measured (``sensor``, ``kalman``).
 """
@@ -97,37 +98,49 @@ def regimes(r, Pi, u):
     return out
 
 
-def advance_spec(S, r, a, T):
-    """Specification of :func:`advance`: one matrix per living particle."""
+def advance_spec(S, before, r, a, born, omega, T):
+    """Specification of :func:`advance`: one matrix per living particle, then overwrite what is born."""
     out = S.copy()
+    out[(before == 1) & (r == 2), 4] = omega
     G = np.array([T * T / 2, T])
     for n, (ax, ay) in zip(np.flatnonzero(r), a, strict=True):
-        F = coordinated_turn(S[n, 4] if r[n] == 2 else 0.0, T)
-        out[n, :4] = F @ S[n, :4] + np.concatenate([G * ax, G * ay])
+        F = coordinated_turn(out[n, 4] if r[n] == 2 else 0.0, T)
+        out[n, :4] = F @ out[n, :4] + np.concatenate([G * ax, G * ay])
+    out[(before == 0) & (r > 0)] = born
     return out
 
 
 @kernel
-def advance(S, r, a, T):
+def advance(S, before, r, a, born, omega, T):
     """States (N, 5) one frame later, each by its own regime.
 
-    S : (N, 5) states [x, vx, y, vy, omega]; r : (N,) regimes 0 absent, 1 constant velocity, 2 coordinated turn.
+    S : (N, 5) states [x, vx, y, vy, omega]
+    before, r : (N,) regimes of the frame before and of this one: 0 absent, 1 constant velocity, 2 coordinated turn.
     a : (L, 2) accelerations, constant during the step, one row for each of the L living particles in their order.
-    Absent particles are copied; the turn rate never changes here.
+    born : (B, 5) states of those that come alive, 0 -> 1 or 2: they begin there and do not move yet.
+    omega : (O,) turn rates of those that begin to turn, 1 -> 2; all others keep theirs.
+    Absent particles are copied.
     """
     out = S.copy()
-    m = 0
+    m = b = o = 0
     for n in range(r.size):
         if r[n] == 0:
             continue
         ax, ay = a[m, 0], a[m, 1]
         m += 1
+        if before[n] == 0:
+            out[n] = born[b]
+            b += 1
+            continue
         vx, vy = S[n, 1], S[n, 3]
         along, aside, c, s = T, 0.0, 1.0, 0.0
-        h = 0.5 * S[n, 4] * T
-        if r[n] == 2 and h != 0.0:
+        if r[n] == 2:
+            if before[n] == 1:
+                out[n, 4] = omega[o]
+                o += 1
+            h = 0.5 * out[n, 4] * T
             sh, ch = math.sin(h), math.cos(h)
-            f = T * sh / h
+            f = T * sh / h if h != 0.0 else T
             along, aside, c, s = f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch
         out[n, 0] = S[n, 0] + along * vx - aside * vy + 0.5 * T * T * ax
         out[n, 1] = c * vx - s * vy + T * ax

@@ -17,7 +17,10 @@ def cloud(n, seed=1):
 
 def step(n, accel, T):
     S, r, rng = cloud(n)
-    return S, r, accel * rng.standard_normal((np.count_nonzero(r), 2)), T
+    before = rng.integers(0, 3, n)
+    a = accel * rng.standard_normal((np.count_nonzero(r), 2))
+    born = rng.normal(size=(np.count_nonzero((before == 0) & (r > 0)), 5))
+    return S, before, r, a, born, rng.uniform(-0.4, 0.4, np.count_nonzero((before == 1) & (r == 2))), T
 
 
 CASES = [

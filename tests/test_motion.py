@@ -42,19 +42,33 @@ def test_regimes_reach_the_stationary_distribution():
     assert np.allclose(np.sort(np.linalg.eigvals(PI)), [0.7, 0.8, 1.0], rtol=1e-12)
 
 
+def move(S, before, r, a, born=(), omega=(), T=1.0):
+    before, r = np.array(before), np.array(r)
+    return motion.advance(S, before, r, a, np.array(born, float).reshape(-1, 5), np.array(omega, float), T)
+
+
 def test_advance_has_the_covariance_of_a_white_acceleration():
     a = 0.3 * np.random.default_rng(6).standard_normal((50_000, 2))
-    S = motion.advance(np.zeros((50_000, 5)), np.ones(50_000, np.int64), a, 2.0)
+    S = move(np.zeros((50_000, 5)), [1] * 50_000, [1] * 50_000, a, T=2.0)
     G = np.array([2.0, 2.0])  # T**2 / 2 and T
     assert np.allclose(np.cov(S[:, 0], S[:, 1]), 0.09 * np.outer(G, G), rtol=4 * np.sqrt(2 / 50_000))
     assert abs(np.corrcoef(S[:, 0], S[:, 2])[0, 1]) < 4 / np.sqrt(50_000)
 
 
-def test_absent_particles_stay():
+def test_absent_particles_stay_and_born_ones_begin_where_they_are_told():
     S = np.arange(15.0).reshape(3, 5)
-    out = motion.advance(S, np.array([0, 1, 0]), np.zeros((1, 2)), 1.0)
-    assert (out[[0, 2]] == S[[0, 2]]).all()
-    assert out[1].tolist() == [11.0, 6.0, 15.0, 8.0, 9.0]
+    out = move(S, [2, 0, 1], [0, 2, 1], np.ones((2, 2)), born=[9, 8, 7, 6, 0.3])
+    assert (out[0] == S[0]).all()
+    assert out[1].tolist() == [9.0, 8.0, 7.0, 6.0, 0.3]
+    assert out[2].tolist() == [10 + 11 + 0.5, 12.0, 12 + 13 + 0.5, 14.0, 14.0]
+
+
+def test_a_turn_rate_is_redrawn_only_when_a_turn_begins():
+    S = np.array([[0.0, 1.0, 0.0, 0.0, 0.7]] * 3)
+    out = move(S, [1, 2, 2], [2, 2, 1], np.zeros((3, 2)), omega=[0.25])
+    assert out[:, 4].tolist() == [0.25, 0.7, 0.7]
+    for row, omega in zip(out, (0.25, 0.7, 0.0), strict=True):
+        assert np.allclose(row[:4], motion.coordinated_turn(omega, 1.0) @ S[0, :4], rtol=1e-14)
 
 
 @pytest.mark.parametrize("Pi", [[[0.9, 0.2], [0.5, 0.5]], [[1.1, -0.1], [0.5, 0.5]], [[1.0, 0.0]], [[np.nan, 1.0], [0, 1]]])
