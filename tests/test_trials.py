@@ -1,0 +1,146 @@
+"""Monte Carlo: the same bits whoever computes them, and errors that say which trial."""
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tbdcore import trials
+
+N = 37  # a prime: chunks of every executor end unevenly
+
+
+class Result(NamedTuple):
+    mean: float
+    walk: np.ndarray
+
+
+def walk(seed, i):
+    """A trial with an array, a scalar, and all three streams."""
+    truth, noise, draws = (trials.generator(seed, "toy", "walk", i, purpose) for purpose in ("truth", "noise", "filter"))
+    steps = truth.normal(size=5).cumsum() + noise.normal(size=5)
+    return Result(steps.mean() + draws.random(), steps)
+
+
+def fails_at(which, seed, i):
+    if i == which:
+        raise ZeroDivisionError("no luck")
+    return float(i)
+
+
+def same_bits(ours, theirs):
+    return all(a.tobytes() == b.tobytes() and a.shape == b.shape for a, b in zip(ours, theirs, strict=True))
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return trials.run(walk, N, seed=3, workers=1)
+
+
+def first_draws(names):
+    seed, paper, experiment, trial, purpose = names
+    return tuple(trials.generator(seed, paper, experiment, trial, purpose).integers(0, 2**63, size=2))
+
+
+def test_streams_depend_on_each_part_of_their_key_and_on_nothing_else():
+    keys = list(itertools.product((0, 1), ("a", "b"), ("fig1", "fig2"), (0, 1), trials.PURPOSES))
+    forwards = [first_draws(key) for key in keys]
+    backwards = [first_draws(key) for key in reversed(keys)]
+    assert forwards == backwards[::-1]
+    assert len(set(forwards)) == len(keys)
+
+
+def test_the_key_of_a_stream_is_what_the_docstring_says():
+    """A change of key, hash or bit generator would silently change every figure."""
+    key = (1728423790, 57506358, 5, 1)  # CRC-32 of "toy" and "fig1", the trial, noise
+    expected = np.random.Generator(np.random.PCG64(np.random.SeedSequence(20, spawn_key=key)))
+    assert trials.generator(20, "toy", "fig1", 5, "noise").random() == expected.random()
+
+
+@pytest.mark.parametrize("bad", [(-1, "a", "b", 0, "noise"), (0, "a", "b", -1, "noise"), (0, "a", "b", 0, "luck")])
+def test_bad_keys_are_refused(bad):
+    with pytest.raises(ValueError, match=r"trials\.generator: [^\n]*$"):
+        trials.generator(*bad)
+
+
+def test_results_are_stacked_in_trial_order(reference):
+    assert isinstance(reference, Result)
+    assert reference.mean.shape == (N,)
+    assert reference.walk.shape == (N, 5)
+    for i in (0, 17, N - 1):  # any trial can be run again alone
+        alone = walk(3, i)
+        assert alone.mean == reference.mean[i]
+        assert alone.walk.tobytes() == reference.walk[i].tobytes()
+
+
+@pytest.mark.parametrize("n", [1, 2, 99, 100, 101, 250])
+def test_every_trial_runs_once(n):
+    np.testing.assert_array_equal(trials.run(partial(fails_at, -1), n, seed=0, workers=1), np.arange(n))
+
+
+@pytest.mark.parametrize("workers", [2, 5])
+def test_workers_do_not_change_a_bit(reference, workers):
+    assert same_bits(trials.run(walk, N, seed=3, workers=workers), reference)
+
+
+def test_functions_that_no_module_holds_reach_the_workers(reference):
+    """As those of a notebook's cells."""
+    shift = 1.0
+    ours = trials.run(lambda seed, i: walk(seed, i).mean + shift, N, seed=3, workers=2)
+    np.testing.assert_array_equal(ours, reference.mean + shift)
+
+
+def test_any_executor_will_do_and_is_left_open(reference):
+    with ThreadPoolExecutor(3) as pool:
+        assert same_bits(trials.run(walk, N, seed=3, executor=pool), reference)
+        assert pool.submit(int, "7").result() == 7
+
+
+def test_loky_as_an_executor(reference):
+    from loky import get_reusable_executor
+
+    assert same_bits(trials.run(walk, N, seed=3, executor=get_reusable_executor(2)), reference)
+
+
+def test_a_dask_cluster_gives_the_same_bits(reference):
+    distributed = pytest.importorskip("distributed")
+    where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, **where) as cluster:
+        assert same_bits(trials.run(walk, N, seed=3, scheduler=cluster.scheduler_address), reference)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no-such-scheme://here"])
+def test_an_unreachable_scheduler_is_one_line(address):
+    pytest.importorskip("distributed")
+    with pytest.raises(ConnectionError) as caught:
+        trials.run(walk, 1, seed=0, scheduler=address)
+    assert repr(address) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert "empty for this machine" in str(caught.value)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_failing_trial_is_named(workers):
+    with pytest.raises(RuntimeError, match=r"^trial 13 of seed 4: ZeroDivisionError: no luck$"):
+        trials.run(partial(fails_at, 13), N, seed=4, workers=workers)
+
+
+def test_the_machine_works_after_a_failing_trial(reference):
+    with pytest.raises(RuntimeError, match="trial 0"):
+        trials.run(partial(fails_at, 0), N, seed=4, workers=2)
+    assert same_bits(trials.run(walk, N, seed=3, workers=2), reference)
+
+
+@pytest.mark.parametrize(("n", "workers", "word"), [(0, 1, "n is 0"), (-3, 1, "n is -3"), (5, -1, "workers is -1")])
+def test_bad_counts_are_refused(n, workers, word):
+    with pytest.raises(ValueError, match=word):
+        trials.run(walk, n, seed=0, workers=workers)
+
+
+def test_results_of_other_shapes():
+    pair = trials.run(lambda seed, i: (i, np.full(2, i)), 4, seed=0, workers=1)
+    assert type(pair) is tuple
+    np.testing.assert_array_equal(pair[1], [[0, 0], [1, 1], [2, 2], [3, 3]])
