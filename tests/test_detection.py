@@ -1,0 +1,70 @@
+"""Closed forms of detection against quadrature, inversion and counting."""
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from tbdcore import detection
+
+
+def test_threshold_of_one_in_a_million():
+    assert np.isclose(detection.threshold(1e-6), 13.815510557964274, rtol=1e-15)
+
+
+def test_probabilities_are_tails_of_exponentials():
+    eta, S = 5.0, 8.0
+    noise, _ = integrate.quad(lambda x: np.exp(-x), eta, np.inf)
+    target, _ = integrate.quad(lambda x: np.exp(-x / (1 + S)) / (1 + S), eta, np.inf)
+    assert np.isclose(detection.false_alarm(eta), noise, rtol=1e-8)
+    assert np.isclose(detection.detection(eta, S), target, rtol=1e-8)
+
+
+def test_swerling_1_from_complex_samples():
+    rng, S, eta, n = np.random.default_rng(1), 4.0, 3.0, 400_000
+    x = np.sqrt(S / 2) * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+    x += np.sqrt(1 / 2) * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+    p = detection.detection(eta, S)
+    assert abs((np.abs(x) ** 2 > eta).mean() - p) < 4 * np.sqrt(p * (1 - p) / n)
+
+
+def test_required_snr_inverts_detection():
+    S = detection.required_snr(0.5, 1e-6)
+    assert np.isclose(detection.detection(detection.threshold(1e-6), S), 0.5, rtol=1e-14)
+    assert np.isclose(detection.db(S), 12.772, atol=5e-4)
+
+
+def test_no_target_is_a_false_alarm():
+    eta = np.linspace(0, 20, 5)
+    np.testing.assert_allclose(detection.detection(eta, 0.0), detection.false_alarm(eta), rtol=1e-15)
+
+
+def test_fourth_power_law_and_decibels():
+    assert np.isclose(detection.db(detection.radar_equation(200.0, 1000.0, 100.0)), 30 - 40 * np.log10(2))
+    assert np.isclose(detection.linear(detection.db(7.3)), 7.3)
+
+
+@pytest.mark.parametrize("bad", [0.0, -0.1, 1.1])
+def test_bad_false_alarm_probability(bad):
+    with pytest.raises(ValueError, match=r"not in \(0, 1\]"):
+        detection.threshold(bad)
+
+
+def test_false_plots_fire_as_independent_cells():
+    """Counts over many draws: P(at least one), the mean number, and where in the gate."""
+    rng, n, p = np.random.default_rng(2), 60_000, 0.3
+    centre, half, cell = (1030.0, 0.05), (70.0, 0.03), (100.0, 0.04)
+    low, high = np.array(centre) - half, np.array(centre) + half
+    edges = [np.arange(np.floor(a / w), np.ceil(b / w) + 1) * w for a, b, w in zip(low, high, cell, strict=True)]
+    shares = [np.diff(np.clip(e, a, b)) / w for e, a, b, w in zip(edges, low, high, cell, strict=True)]
+    beta = np.outer(*shares).ravel()
+    counts, places = np.zeros(n, int), []
+    for m, (u, v0, v1) in enumerate(rng.random((n, 3))):
+        while (plot := detection.false_plot(u, (v0, v1), centre, half, cell, p, counts[m]))[0]:
+            counts[m] += 1
+            places.append(plot[1:])
+    none = np.prod(1 - beta * p)
+    assert abs((counts == 0).mean() - none) < 4 * np.sqrt(none * (1 - none) / n)
+    assert abs(counts.mean() - (beta * p).sum()) < 4 * np.sqrt((beta * p * (1 - beta * p)).sum() / n)
+    places = np.array(places)
+    assert (np.abs(places) <= half).all()
+    np.testing.assert_allclose(places.mean(axis=0) / half, 0, atol=4 / np.sqrt(3 * len(places)) * 1.2)  # uniform in the gate
