@@ -10,9 +10,8 @@ error: what, where, what to do.
 import argparse
 import ast
 import json
-import os
 import sys
-import time
+from functools import partial
 from pathlib import Path
 
 from tbdcore import paths
@@ -60,13 +59,16 @@ def _parser():
     commands = parser.add_subparsers(required=True, metavar="command", parser_class=_Parser)
     run = commands.add_parser("run", help="execute notebooks", description="Execute notebooks; all papers if none is named.")
     run.add_argument("papers", nargs="*", metavar="PAPER")
-    run.add_argument("-p", dest="given", action="append", default=[], metavar="name=value", help="set a parameter of the notebooks")
-    run.add_argument("--quick", action="store_true", help="few trials, into build/quick; never touches figures/")
-    run.add_argument("--workers", type=int, metavar="N", help="processes, 0 for one per core")
-    run.add_argument("--scheduler", metavar="ADDRESS", help="address of a dask scheduler")
+    _running(run)
     run.add_argument("--out", metavar="DIR", help="folder for the products instead of figures/")
     run.add_argument("--in-place", action="store_true", help="refresh the committed notebooks as well")
     run.set_defaults(command=_run)
+    sweep = commands.add_parser("sweep", help="one notebook over values of a parameter", description="Tidy CSV of all verdicts.")
+    sweep.add_argument("paper", metavar="PAPER")
+    sweep.add_argument("values", metavar="name=v1,v2,...", help="values of one parameter; between lists write ;")
+    _running(sweep)
+    sweep.add_argument("--out", metavar="DIR", help="folder for table and products instead of build/sweep/PAPER")
+    sweep.set_defaults(command=_sweep)
     score = commands.add_parser(
         "score", help="scorecard from the verdicts", description="Scorecard from the verdicts of all papers."
     )
@@ -76,41 +78,85 @@ def _parser():
     return parser
 
 
+def _running(parser):
+    """The options that every execution has."""
+    parser.add_argument(
+        "-p", dest="given", action="append", default=[], metavar="name=value", help="set a parameter of the notebooks"
+    )
+    parser.add_argument("--quick", action="store_true", help="few trials, into build/; never touches figures/")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes, 0 for one per core")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a dask scheduler")
+    parser.add_argument("--resume", action="store_true", help="skip what is done with the same sources and parameters")
+    parser.add_argument("--json", action="store_true", help="a JSON object for each run on standard output, progress elsewhere")
+
+
 def _run(arguments):
-    """Execute the notebooks of some papers one after the other."""
-    from tbdcore import pages
+    """Execute the notebooks of some papers one after the other; a paper that fails does not stop the others."""
+    from tbdcore import batch, pages
 
     jobs = {paper: _values(paper, arguments) for paper in arguments.papers or pages.papers()}
-    if arguments.in_place and (arguments.given or arguments.quick or arguments.out):
-        raise Fault("--in-place refreshes the committed notebooks, which stand for default parameters; drop -p, --quick and --out")
+    if arguments.in_place and (arguments.given or arguments.quick or arguments.out or arguments.resume):
+        raise Fault("--in-place executes the committed notebooks with their defaults; drop -p, --quick, --out and --resume")
     _reachable(arguments.scheduler)
+    folder = paths.BUILD / "quick" if arguments.quick else paths.BUILD
+    status = GOOD
     for paper, values in jobs.items():
-        _run_one(paper, values, arguments)
-    return GOOD
+        output = folder / pages.path(paper).name
+        result = _told(arguments, paper, partial(batch.run, paper, values, output, say=_voice(arguments), resume=arguments.resume))
+        if arguments.in_place and result.status == GOOD:
+            _refresh(paper, output)
+        status = max(status, result.status)
+    return status
 
 
-def _run_one(paper, values, arguments):
-    """Execute one notebook and say in a line what came of it."""
-    from tbdcore import pages
+def _sweep(arguments):
+    """Run one notebook for each value of a parameter."""
+    from tbdcore import batch, pages
 
-    output = (paths.BUILD / "quick" if arguments.quick else paths.BUILD) / pages.path(paper).name
-    start = time.monotonic()
-    print(f"{paper}: running", flush=True)
+    name, equals, text = arguments.values.partition("=")
+    known = pages.parameters(arguments.paper)
+    if not equals or not text:
+        raise Fault(f"sweep {arguments.values}: write the parameter and its values as name=v1,v2")
+    if name in pages.PLUMBING:
+        raise Fault(f"sweep {name}: it cannot change a result; sweep another parameter")
+    listed = text.split(";" if name in known and known[name].type == "list" else ",")
+    sets = [argparse.Namespace(**vars(arguments) | {"given": [*arguments.given, f"{name}={value}"]}) for value in listed]
+    runs = [(value, _values(arguments.paper, each)) for value, each in zip(listed, sets, strict=True)]
+    _reachable(arguments.scheduler)
+    folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / arguments.paper
+    results = batch.sweep(arguments.paper, name, runs, folder, say=_voice(arguments), resume=arguments.resume)
+    status = max(_told(arguments, arguments.paper, partial(next, results)).status for _ in runs)
+    _voice(arguments)(f"{arguments.paper}: table in {folder / name}.csv")
+    return status
+
+
+def _voice(arguments):
+    """Where lines of progress go: to standard output, or past the JSON that is there."""
+    return partial(print, file=sys.stderr if arguments.json else sys.stdout, flush=True)
+
+
+def _told(arguments, paper, run):
+    """The result of a run, reported."""
     try:
-        pages.execute(paper, values, output, progress={"desc": paper, "disable": None, "leave": False})
-    except RuntimeError as error:
-        raise Fault(error, FAILED) from None
-    notebook = json.loads(output.read_text(encoding="utf-8"))
-    if arguments.in_place:
-        text = json.dumps(pages.clean(notebook), indent=1, ensure_ascii=False) + "\n"
-        part = pages.path(paper).with_suffix(".part")
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, pages.path(paper))
-    said = [
-        line for cell in notebook["cells"] for out in cell.get("outputs", ()) for line in "".join(out.get("text", "")).splitlines()
-    ]
-    last = next((line for line in reversed(said) if line.startswith(f"{paper}: ")), f"{paper}: done")
-    print(f"{last}; {time.monotonic() - start:.0f} s", flush=True)
+        result = run()
+    except KeyboardInterrupt:
+        if arguments.json:
+            print(json.dumps({"paper": paper, "status": 130, "error": "interrupted"}), flush=True)
+        raise
+    if arguments.json:
+        print(json.dumps(result._asdict(), ensure_ascii=False), flush=True)
+    if result.status:
+        _complain(result.error, result.status)
+    return result
+
+
+def _refresh(paper, output):
+    """Put an executed notebook, cleaned, in the place of the committed one."""
+    from tbdcore import figures, pages
+
+    notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
+    text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
+    figures.write(paths.NOTEBOOKS, {pages.path(paper).name: text.encode()})
 
 
 def _values(paper, arguments):

@@ -298,7 +298,10 @@ def execute(paper, given, output, progress=False):
         Bad parameters; nothing has started.
     RuntimeError
         A cell failed; one line that says which and why.
+    OSError
+        There is no kernel to run in.
     """
+    from jupyter_client.kernelspec import NoSuchKernel
     from papermill import PapermillExecutionError, execute_notebook
 
     values = validate(paper, given)
@@ -320,6 +323,8 @@ def execute(paper, given, output, progress=False):
         os.replace(part, failed)
         message = re.sub(r"\s+", " ", f"{error.ename}: {error.evalue}")
         raise RuntimeError(f"{paper}, cell {error.exec_count}: {message}; the run is in {failed}") from None
+    except NoSuchKernel:
+        raise OSError("the Jupyter kernel python3 is not registered; make it: python -m ipykernel install --sys-prefix") from None
     finally:
         part.unlink(missing_ok=True)
     return output
