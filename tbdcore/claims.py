@@ -137,7 +137,11 @@ def _rows(path):
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
         raise ValueError(f"{path.name}, row {line}: not UTF-8 (byte {raw[error.start]:#x}); {repair}") from None
-    rows = list(csv.reader(io.StringIO(text), strict=True))
+    reader = csv.reader(io.StringIO(text), strict=True)
+    try:
+        rows = list(reader)
+    except csv.Error as error:
+        raise ValueError(f"{path.name}, row {reader.line_num}: {error}; look for a quotation mark without its partner") from None
     header = tuple(rows[0]) if rows else ()
     for column in COLUMNS:
         if column not in header:
@@ -150,7 +154,7 @@ def _rows(path):
 def _claim(name, number, row):
     """One validated row."""
     if len(row) != len(COLUMNS):
-        column = COLUMNS[min(len(row), len(COLUMNS)) - 1]
+        column = COLUMNS[min(len(row), len(COLUMNS) - 1)]
         raise ValueError(
             f"{name}, row {number}, column {column}: {len(row)} fields instead of {len(COLUMNS)}; quote fields with commas"
         )

@@ -1,11 +1,12 @@
 """A throw-away repository for the tests of the harness: one small paper, its claims, its notebook.
 
-Tests in this process use it through ``tbdcore.paths``, which is pointed there; notebooks run in a process of their own, so the folder
-also holds a copy of the package, which ``Repository.run`` puts first on the path.
+Tests in this process use it through ``tbdcore.paths``, which is pointed there; notebooks run in a process of their own, so the
+folder also holds a copy of the package, which ``Repository.run`` puts first on the path.
 """
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -52,7 +53,8 @@ CELLS = [  # (tag, source)
     ),
     (
         "",
-        'fig, ax = figures.new()\nfigures.band(ax, [0, 1], [level, z.mean()], [0, 0.1])\nfigures.save(fig, "fig01", caption="A mean.")\n'
+        "fig, ax = figures.new()\nfigures.band(ax, [0, 1], [level, z.mean()], [0, 0.1])\n"
+        'figures.save(fig, "fig01", caption="A mean.")\n'
         'figures.table(pd.DataFrame({"mean": [z.mean()]}), "table1", caption="The same.")',
     ),
     ("", 'if mode == "late":\n    claims.verdicts.clear()\nfigures.publish(claims)'),
@@ -121,13 +123,8 @@ def repository(tmp_path, monkeypatch):
     (root / "data" / "claims" / "toy.csv").write_text(CLAIMS)
     (root / "data" / "papers.toml").write_text('[toy]\ntopic = "Toys"\nshort = "Nobody (2000)"\nrun_time = "1 s"\n')
     (root / "README.md").write_text("# Toys\n\n<!-- scorecard -->\nold\n<!-- /scorecard -->\n\nThe end.\n")
-    for name, place in {
-        "NOTEBOOKS": "notebooks",
-        "DATA": "data",
-        "CLAIMS": "data/claims",
-        "BUILD": "build",
-        "README": "README.md",
-    }.items():
+    places = {"NOTEBOOKS": "notebooks", "DATA": "data", "CLAIMS": "data/claims", "BUILD": "build", "README": "README.md"}
+    for name, place in places.items():
         monkeypatch.setattr(paths, name, root / place)
     monkeypatch.setattr(paths, "ROOT", root)
     monkeypatch.setattr(paths, "PACKAGE", root / "tbdcore")

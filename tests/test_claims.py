@@ -1,0 +1,340 @@
+"""Claims: files that a spreadsheet has touched, the edges of every verdict, and a ledger that is complete or fails."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from tbdcore import claims
+from tbdcore.claims import Ledger, given
+
+HEADER = ",".join(claims.COLUMNS)
+GOOD = [HEADER, "a.in,Sec. 1,speed,,500,m/s,input,Sec. 1,", "a.num,Fig. 1,range,,287.10,km,number,Sec. 2,"]
+GOOD += ["a.order,Fig. 1,A beats B,,greater,,ordering,Sec. 2,"]
+ROW = "b,Fig. 2,range,,1.5,km,number,Sec. 2,"
+
+
+def written(folder, *lines, end="\n"):
+    """A claims file `toy` of some lines."""
+    (folder / "toy.csv").write_bytes(end.join([*lines, ""]).encode())
+    return folder
+
+
+def ledger(folder, *lines, strict=True):
+    return Ledger("toy", strict, written(folder, *(lines or GOOD)))
+
+
+def refused(folder, *words):
+    """Reading fails in one line that holds the words."""
+    with pytest.raises(ValueError, match="toy.csv") as caught:
+        claims.read("toy", folder)
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_a_good_file(tmp_path):
+    rows = claims.read("toy", written(tmp_path, *GOOD))
+    assert list(rows) == ["a.in", "a.num", "a.order"]
+    assert rows["a.num"].value == "287.10"  # text: the zero is a digit
+
+
+BAD_LINES = {
+    "duplicate id": (GOOD[1], ("row 5, column id", "'a.in'", "twice")),
+    "no number": (ROW.replace("1.5", "about 1.5"), ("row 5, column value", "'about 1.5'")),
+    "decimal comma": (ROW.replace("1.5", '"1,5"'), ("row 5, column value", "'1,5'")),
+    "unknown unit": (ROW.replace("km", "furlong"), ("row 5, column unit", "'furlong'", "km")),
+    "unknown kind": (ROW.replace("number", "figure"), ("row 5, column kind", "'figure'", "ordering")),
+    "short row": ("b,Fig. 2,range,,1.5,km,number", ("row 5, column where", "7 fields instead of 9")),
+    "long row": (ROW + ",more", ("row 5, column cause", "10 fields instead of 9")),
+    "semicolons in one row": (ROW.replace(",", ";"), ("row 5", "1 fields instead of 9")),
+    "empty id": (ROW.replace("b,Fig", ",Fig"), ("row 5, column id", "empty")),
+    "empty value": (ROW.replace("1.5", ""), ("row 5, column value", "empty")),
+}
+
+
+@pytest.mark.parametrize(("line", "words"), BAD_LINES.values(), ids=BAD_LINES)
+def test_a_bad_row_is_named_by_file_row_and_column(tmp_path, line, words):
+    refused(written(tmp_path, *GOOD, line), *words)
+
+
+def test_a_missing_column(tmp_path):
+    lines = [",".join(part for i, part in enumerate(line.split(",")) if i != 5) for line in GOOD]
+    refused(written(tmp_path, *lines), "row 1, column unit: missing")
+
+
+def test_columns_in_another_order(tmp_path):
+    refused(written(tmp_path, HEADER.replace("id,item", "item,id"), *GOOD[1:]), "row 1", "item,id")
+
+
+def test_semicolons(tmp_path):
+    refused(written(tmp_path, *(line.replace(",", ";") for line in GOOD)), "row 1, column id: missing")
+
+
+def test_crlf(tmp_path):
+    refused(written(tmp_path, *GOOD, end="\r\n"), "row 1", "CR")
+
+
+def test_byte_order_mark(tmp_path):
+    refused(written(tmp_path, "\ufeff" + GOOD[0], *GOOD[1:]), "row 1, column id", "byte-order mark")
+
+
+def test_latin_1(tmp_path):
+    (tmp_path / "toy.csv").write_bytes("\n".join([*GOOD, ROW.replace("range", "portée")]).encode("latin-1"))
+    refused(tmp_path, "row 5", "not UTF-8", "0xe9")
+
+
+def test_an_empty_file(tmp_path):
+    (tmp_path / "toy.csv").write_bytes(b"")
+    refused(tmp_path, "row 1, column id: missing")
+
+
+def test_a_quote_that_is_never_closed(tmp_path):
+    refused(written(tmp_path, *GOOD, ROW.replace("range", '"range')), "row 5")
+
+
+def test_no_file_of_this_name(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"toy.csv.*papers: ") as caught:
+        claims.read("toy", tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+NUMBERS = {
+    "287.10": (287.1, 0.005),
+    "14 600": (14600, 0.5),
+    "3e-5": (3e-5, 0.5e-5),
+    "10^-6": (1e-6, 0.5e-6),
+    "100%": (100, 0.5),
+    "-1.5": (-1.5, 0.05),
+}
+
+
+@pytest.mark.parametrize("text", NUMBERS)
+def test_printed_numbers(text):
+    np.testing.assert_allclose(claims.parse(text), NUMBERS[text], rtol=1e-15)  # the same decimal, to rounding
+
+
+@pytest.mark.parametrize("text", ["", "1,5", "about 3", "3..5", "1 2", "nan", "inf", "0x10"])
+def test_what_is_no_number(text):
+    with pytest.raises(ValueError, match="is no number"):
+        claims.parse(text)
+
+
+# A number printed as 10.0, half a digit 0.05: the band's edges stand at 9.95 and 10.05.
+EDGES = [  # measured, se, n, paper_n, verdict
+    (10.05, 0.0, None, None, "reproduced"),  # on the edge, which belongs to the band
+    (10.0501, 0.0, None, None, "differs"),
+    (9.95, 0.0, None, None, "reproduced"),
+    (10.0 + 0.05 - 2.577 * 0.01, 0.01, 100, None, "reproduced"),  # 99 % interval just inside
+    (10.0 + 0.05 - 2.575 * 0.01, 0.01, 100, None, "inconclusive"),  # just across
+    (10.0 + 0.05 + 2.575 * 0.01, 0.01, 100, None, "inconclusive"),  # just not outside
+    (10.0 + 0.05 + 2.577 * 0.01, 0.01, 100, None, "differs"),
+    (10.0 + 0.05 - 0.001, 0.0038, 100, None, "reproduced"),  # 2.576 se = 0.0098 < a fifth of the band: the estimate decides
+    (10.0 + 0.05 + 0.001, 0.0038, 100, None, "differs"),
+    (10.0 + 0.05 + 0.001, 0.0040, 100, None, "inconclusive"),  # 2.576 se = 0.0103 > a fifth
+    (10.0 + 0.05 + 2.6 * 0.1 - 0.03, 0.01, 10_000, 100, "reproduced"),  # the paper's own error is 0.1
+    (10.0 + 0.05 + 2.6 * 0.1 + 0.03, 0.01, 10_000, 100, "differs"),
+    (10.0, 1.0, 100, None, "inconclusive"),
+    (math.nan, 0.0, None, None, "inconclusive"),
+    (math.inf, 0.0, None, None, "differs"),
+]
+
+
+@pytest.mark.parametrize(("measured", "se", "n", "paper_n", "verdict"), EDGES)
+def test_the_edges_of_a_number(measured, se, n, paper_n, verdict):
+    assert claims.judge(10.0, 0.05, measured, se, n, paper_n)[0] == verdict
+    assert claims.judge(10.0, 0.05, 20.0 - measured, se, n, paper_n)[0] == verdict  # both edges alike
+
+
+@pytest.mark.parametrize(
+    ("margin", "se", "verdict"),
+    [
+        (1.0, 0.0, "reproduced"),
+        (0.0, 0.0, "differs"),
+        (-1.0, 0.0, "differs"),
+        (2.577, 1.0, "reproduced"),
+        (2.575, 1.0, "inconclusive"),
+        (-2.575, 1.0, "inconclusive"),
+        (-2.577, 1.0, "differs"),
+        (math.nan, 1.0, "inconclusive"),
+    ],
+)
+def test_the_edges_of_a_margin(margin, se, verdict):
+    assert claims.judge_margin(margin, se)[0] == verdict
+
+
+@pytest.mark.parametrize("measured", [10.0, 10.03, 10.049, 10.07, 10.2])
+def test_as_many_trials_as_it_asks_for_settle_it(measured):
+    n, se = 100, 0.08
+    verdict, needed = claims.judge(10.0, 0.05, measured, se, n)
+    assert verdict == "inconclusive"
+    assert claims.judge(10.0, 0.05, measured, se * math.sqrt(n / needed), needed)[0] != "inconclusive"
+    verdict, needed = claims.judge_margin(0.1, se, n)
+    assert claims.judge_margin(0.1, se * math.sqrt(n / (needed + 1)), needed + 1)[0] == "reproduced"
+
+
+def test_a_true_number_rarely_differs():
+    """Both Monte Carlo errors at work, 20,000 times: `differs` in at most 1 %, as the scorecard promises."""
+    rng = np.random.default_rng(1)
+    n, paper_n, replicas = 2000, 100, 20_000
+    sigma = 1.0
+    printed = np.round(rng.normal(0.0, sigma / math.sqrt(paper_n), replicas), 2)
+    ours = rng.normal(0.0, sigma / math.sqrt(n), replicas)
+    verdicts = [claims.judge(p, 0.005, o, sigma / math.sqrt(n), n, paper_n)[0] for p, o in zip(printed, ours, strict=True)]
+    assert verdicts.count("differs") <= 0.01 * replicas
+
+
+def test_a_complete_ledger(tmp_path):
+    book = ledger(tmp_path)
+    assert "published 500 m/s, measured 500" in repr(book.used("a.in", 500))
+    assert repr(book.check("a.num", 287.0999, se=0.0001, n=50)).endswith("measured 287.09990 ± 0.0001 (n = 50): reproduced")
+    book.check("a.order", True, evidence="all 7 cases")
+    table = book.table()
+    assert list(table["verdict"]) == ["used", "reproduced", "reproduced"]
+    assert list(table.columns) == ["id", "item", "quantity", "published", "measured", "se", "n", "verdict", "cause"]
+    assert book.summary() == "2 reproduced, 1 used"
+
+
+def test_the_table_has_the_order_of_the_file(tmp_path):
+    book = ledger(tmp_path)
+    book.check("a.order", 1.0, se=0.1)
+    book.untestable("a.num", "no such radar")
+    book.used("a.in", 500)
+    assert list(book.table()["id"]) == ["a.in", "a.num", "a.order"]
+
+
+def test_a_missing_claim_is_named(tmp_path):
+    book = ledger(tmp_path)
+    book.used("a.in", 500)
+    with pytest.raises(ValueError, match=r"no verdict on 2 of 3 claims: a\.num, a\.order"):
+        book.table()
+
+
+def closed(folder, measured, cause, strict=True):
+    """The table of a ledger with one number."""
+    book = ledger(folder, HEADER, GOOD[2] + cause, strict=strict)
+    book.check("a.num", measured)
+    return book.table()
+
+
+def test_what_differs_needs_a_cause_and_only_that(tmp_path):
+    with pytest.raises(ValueError, match=r"a\.num differs and .* gives no cause"):
+        closed(tmp_path, 280.0, "")
+    with pytest.raises(ValueError, match=r"a\.num is reproduced but .* gives a cause"):
+        closed(tmp_path, 287.1, "a slip; section 9")
+    assert list(closed(tmp_path, 280.0, "a slip; section 9")["cause"]) == ["a slip; section 9"]
+
+
+def test_with_other_parameters_verdicts_may_change_but_none_may_be_missing(tmp_path):
+    assert list(closed(tmp_path, 280.0, "", strict=False)["verdict"]) == ["differs"]
+    assert list(closed(tmp_path, 287.1, "a slip", strict=False)["verdict"]) == ["reproduced"]
+    with pytest.raises(ValueError, match="no verdict on 3 of 3"):
+        ledger(tmp_path, strict=False).table()
+
+
+MISUSES = {
+    "unknown": (lambda book: book.check("a.nun", 1.0), r"no claim 'a\.nun'; the nearest is 'a\.num'"),
+    "input checked": (lambda book: book.check("a.in", 500.0), r"a\.in is an input"),
+    "number used": (lambda book: book.used("a.num", 287.1), r"a\.num is of kind number; only inputs are used"),
+    "truth of a number": (lambda book: book.check("a.num", True, evidence="x"), r"a\.num is a number"),
+    "numpy truth of a number": (lambda book: book.check("a.num", np.True_, evidence="x"), r"a\.num is a number"),
+    "truth without evidence": (lambda book: book.check("a.order", True), r"a\.order: a truth value needs its evidence"),
+    "no reason": (lambda book: book.untestable("a.num", ""), r"a\.num: untestable needs its reason"),
+    "wrong input": (lambda book: book.used("a.in", 501), r"a\.in: the code runs with 501 .*the paper prints '500' m/s"),
+    "wrong dimension": (lambda book: book.used("a.in", 500, "km"), r"km and m/s are different dimensions"),
+    "unknown unit": (lambda book: book.used("a.in", 500, "knots"), r"unit 'knots' is unknown"),
+}
+
+
+@pytest.mark.parametrize(("misuse", "message"), MISUSES.values(), ids=MISUSES)
+def test_misuse_is_refused(tmp_path, misuse, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        misuse(ledger(tmp_path))
+    assert "\n" not in str(caught.value)
+
+
+def test_no_claim_is_judged_twice(tmp_path):
+    book = ledger(tmp_path)
+    book.check("a.num", 287.1)
+    for again in (lambda: book.check("a.num", 287.1), lambda: book.untestable("a.num", "because")):
+        with pytest.raises(ValueError, match=r"a\.num is checked twice"):
+            again()
+
+
+INPUTS = [  # printed value, printed unit, our value, our unit, same
+    ("1", "GHz", 1e9, "Hz", True),
+    ("2", "deg", math.radians(2), "rad", True),
+    ("2", "deg", 2, "rad", False),
+    ("10", "%", 0.1, "", True),
+    ("100", "km", 100_000.0, "m", True),
+    ("100", "km", 100, "km", True),
+    ("10^-6", "", 1e-6, None, True),
+    ("1 000", "m", 1000, None, True),
+    ("1", "MHz", 1.0001e6, "Hz", False),
+    ("origin", "", "origin", None, True),
+    ("(0, 3)", "", (0, 3), None, False),  # a tuple is compared as a list
+    ("[0, 3]", "", (0, 3), None, True),
+]
+
+
+@pytest.mark.parametrize(("printed", "printed_unit", "value", "unit", "same"), INPUTS)
+def test_inputs_are_compared_in_their_units(tmp_path, printed, printed_unit, value, unit, same):
+    row = f'p,Sec. 1,parameter,,"{printed}",{printed_unit},input,Sec. 1,'
+    assert ledger(tmp_path, HEADER, row, strict=False).used("p", value, unit).verdict == ("used" if same else "differs")
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenario:
+    speed: float = given(0.5, "v", "km", "a.in")
+    order: int = given(3, "N")
+
+
+def test_a_scenario_enters_its_inputs(tmp_path):
+    book = ledger(tmp_path, HEADER, "a.in,Sec. 1,reach,,500,m,input,Sec. 1,")
+    table = book.inputs(Scenario())
+    assert book.verdicts["a.in"].verdict == "used"
+    assert table.to_numpy().tolist() == [["$v$", "speed", "0.5", "km", "Sec. 1"], ["$N$", "order", "3", "", "open"]]
+
+
+def test_a_changed_scenario_is_an_error_in_a_default_run(tmp_path):
+    row = "a.in,Sec. 1,reach,,500,m,input,Sec. 1,"
+    with pytest.raises(ValueError, match=r"a\.in: the code runs with 0\.6"):
+        ledger(tmp_path, HEADER, row).inputs(Scenario(speed=0.6))
+    book = ledger(tmp_path, HEADER, row, strict=False)
+    book.inputs(Scenario(speed=0.6))
+    assert book.verdicts["a.in"].verdict == "differs"
+
+
+VERDICTS = "id,item,quantity,published,measured,se,n,verdict,cause\n{}"
+
+
+def test_the_scorecard_counts(repository):
+    folder = repository.root / "figures" / "toy"
+    folder.mkdir()
+    rows = "in.level,Sec. 1,level,1.5 m,1.5 m,,,used,\nmean,Fig. 1,mean of the noise,1.50 m,1.4998,0.0005,400,reproduced,\n"
+    (folder / "verdicts.csv").write_text(VERDICTS.format(rows))
+    card = claims.scorecard()
+    assert card.to_numpy().tolist()[0] == ["toy", 2, 1, 0, 0, 0, 1, "0.01"]
+    assert card.to_numpy().tolist()[1][1:] == card.to_numpy().tolist()[0][1:]
+    assert claims.ledger()[["paper", "id", "verdict"]].to_numpy().tolist() == [
+        ["toy", "in.level", "used"],
+        ["toy", "mean", "reproduced"],
+    ]
+
+
+def test_the_scorecard_refuses_verdicts_that_are_not_the_claims(repository):
+    with pytest.raises(FileNotFoundError, match="tbdcore run toy"):
+        claims.scorecard()
+    folder = repository.root / "figures" / "toy"
+    folder.mkdir()
+    (folder / "verdicts.csv").write_text(VERDICTS.format("in.level,Sec. 1,level,1.5 m,1.5 m,,,used,\n"))
+    with pytest.raises(ValueError, match=r"do not match in mean; run tbdcore run toy"):
+        claims.scorecard()
+
+
+@pytest.mark.parametrize("paper", claims.papers())
+def test_the_committed_claims_can_be_read(paper):
+    rows = claims.read(paper)
+    assert len(rows) > 0
+    assert all(row.where for row in rows.values()), "every claim says where it stands in the paper"
