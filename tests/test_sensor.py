@@ -60,6 +60,19 @@ def test_blob_mean_ratio_under_noise_is_one():
     assert np.exp(values).mean() == pytest.approx(1.0, abs=4 * math.sqrt(math.expm1(d2) / 40_000))
 
 
+@pytest.mark.parametrize(("position", "bound"), [((15, 10), 0.393), ((15.4999, 10), 0.352), ((15.4999, 10.4999), 0.289)])
+def test_blob_curvature_is_the_cramer_rao_bound_of_one_frame(position, bound):
+    """Second difference of the mean log-ratio against sum (dh/dx)**2 / sigma**2, in both axes."""
+    h = sensor.blob_image(*position, PEAK, BLUR, (30, 20))
+    i, j = np.mgrid[1:31, 1:21]
+    fisher = [(((cell - centre) / BLUR**2 * h / NOISE) ** 2).sum() for cell, centre in zip((i, j), position, strict=True)]
+    assert math.sqrt(1 / fisher[0] + 1 / fisher[1]) == pytest.approx(bound, abs=0.001)
+    e = 1e-4
+    x, y = position
+    left, middle, right = blob_ratio(h, (x - 2 * e, y), (x - e, y), (x, y))
+    assert -(left - 2 * middle + right) / e**2 == pytest.approx(fisher[0], rel=0.01)  # five columns of a blob between two cells
+
+
 def test_blob_ratio_is_invariant_under_scale_and_whole_cell_shifts():
     rng = np.random.default_rng(10)
     z = rng.normal(0, NOISE, (30, 20))

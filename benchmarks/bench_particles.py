@@ -1,0 +1,104 @@
+"""Particles: the kernels of a particle filter on 4000 particles, and whole trials of 60 frames of 30 x 20 cells.
+
+The peer of the kernels is vectorised NumPy, written as one would without a compiler: all patches gathered in one array,
+masks for the regimes, a sorted search for the resampling.  The trials are those of the page ``mm_pf_tbd``; their peer is the
+same page with these four functions in the place of the kernels, so that both columns draw the same random numbers and do the
+same work.  The limit of a trial is the cost that was asked for.
+"""
+
+from dataclasses import replace
+from unittest.mock import patch
+
+import numpy as np
+
+import tbdcore
+from benchmarks.timing import Row, best
+from tbdcore import motion, particles, sensor
+
+N, PI = 4000, np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
+PEAK, BLUR, NOISE = sensor.blob_peak(18.0, 0.6), 0.6, 2.3
+
+
+def log_ratio(z, S, r, peak, blur, noise):
+    """Vectorised NumPy: every patch of 5 x 5 cells gathered at once."""
+    x, y = S[:, 0], S[:, 2]
+    on = np.flatnonzero((r > 0) & (x >= 0.5) & (x < z.shape[0] + 0.5) & (y >= 0.5) & (y < z.shape[1] + 0.5))
+    x, y, m = x[on], y[on], np.arange(-2, 3)
+    i, j = (np.floor(v + 0.5).astype(int)[:, None] + m for v in (x, y))
+    gx, gy = (np.exp(-((c - v[:, None]) ** 2) / (2 * blur**2)) for c, v in ((i, x), (j, y)))
+    gx *= (i >= 1) & (i <= z.shape[0])
+    gy *= (j >= 1) & (j <= z.shape[1])
+    h = peak * gx[:, :, None] * gy[:, None, :]
+    cells = z[np.clip(i - 1, 0, z.shape[0] - 1)[:, :, None], np.clip(j - 1, 0, z.shape[1] - 1)[:, None, :]]
+    out = np.zeros(len(r))
+    out[on] = (h * (2 * cells - h)).sum(axis=(1, 2)) / (2 * noise**2)
+    return out
+
+
+def advance(S, before, r, a, born, omega, T):
+    """Vectorised NumPy: both regimes at once, sin and cos of whole columns."""
+    out = S.copy()
+    out[(before == 1) & (r == 2), 4] = omega
+    on = np.flatnonzero(r)
+    x, vx, y, vy, w = out[on].T
+    h = 0.5 * T * np.where(r[on] == 2, w, 0.0)
+    f = T * np.sinc(h / np.pi)
+    along, aside, c, s = f * np.cos(h), f * np.sin(h), np.cos(2 * h), np.sin(2 * h)
+    ax, ay = a.T
+    columns = (x + along * vx - aside * vy + T * T / 2 * ax, c * vx - s * vy + T * ax)
+    columns += (y + aside * vx + along * vy + T * T / 2 * ay, s * vx + c * vy + T * ay, w)
+    out[on] = np.column_stack(columns)
+    out[(before == 0) & (r > 0)] = born
+    return out
+
+
+NUMPY = {
+    "blob_log_ratio": log_ratio,
+    "advance": advance,
+    "regimes": motion.regimes_spec,
+    "systematic": particles.systematic_spec,
+}
+
+
+def cloud():
+    """4000 living particles around a target, a frame, and the draws of one step."""
+    rng = np.random.default_rng(1)
+    S = np.array([15.2, 0.4, 10.3, 0.1, 0.3]) + 0.4 * rng.normal(size=(N, 5))
+    return rng, S, rng.integers(1, 3, N), rng.normal(0.0, NOISE, (30, 20))
+
+
+def kernels():
+    """Arguments of the four kernels."""
+    rng, S, r, z = cloud()
+    after = motion.regimes(r, PI, rng.random(N))
+    moves = np.bincount(3 * r + after, minlength=9)
+    a = rng.normal(0.0, 0.1, (np.count_nonzero(after), 2))
+    W, _ = particles.normalise(sensor.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE))
+    yield sensor.blob_log_ratio, sensor.blob_log_ratio_spec, (z, S, r, PEAK, BLUR, NOISE)
+    yield motion.advance, motion.advance_spec, (S, r, after, a, np.empty((0, 5)), np.full(moves[5], 0.3), 1.0)
+    yield motion.regimes, motion.regimes_spec, (r, PI, rng.random(N))
+    yield particles.systematic, particles.systematic_spec, (W, N // 2, 0.3)
+
+
+def trials():
+    """Filters of the page and the seconds that a trial of theirs may take."""
+    page = tbdcore.page("mm_pf_tbd")
+    improved = page.Params()
+    z = page.simulate(page.Scene(), np.random.default_rng(2))
+    yield "classic, 2000", page, page.run, replace(improved, M_new=0), z, 10e-3
+    yield "improved, 2000 + 2000", page, page.run, improved, z, 25e-3
+    yield "Bernoulli, 2000 + 500", page, page.bernoulli, replace(improved, M_new=500), z, None
+
+
+def rows():
+    """The rows of the table; the limit of a trial is the cost that was asked for."""
+    for kernel, spec, args in kernels():
+        peer = best(NUMPY[kernel.__name__], *args)
+        yield Row(
+            kernel.__name__, f"{N} particles", best(kernel, *args), best(spec, *args, repeat=1), None, "vectorised NumPy", peer
+        )
+    for name, page, run, p, z, limit in trials():
+        with patch.multiple(page, **NUMPY):
+            peer = best(run, z, p, np.random.default_rng(3))
+        seconds = best(run, z, p, np.random.default_rng(3), repeat=20)
+        yield Row(name, "60 frames", seconds, None, limit, "vectorised NumPy", peer)
