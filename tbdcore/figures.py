@@ -186,13 +186,18 @@ class Portfolio:
         self.files[f"{name}.json"] = self._json(id, caption, claims)
         return frame
 
-    def publish(self, ledger):
-        """Write all products and verdicts.csv; raises, and writes nothing, unless the ledger is complete."""
-        table = ledger.table()
-        files = {"verdicts.csv": _csv(table), **self.files}  # a product's JSON is the last of its files
+    def publish(self, ledger=None):
+        """Write all products and verdicts.csv; raises, and writes nothing, unless the ledger is complete.
+
+        A page that judges no paper, the index, has no ledger.
+        """
+        table = [] if ledger is None else ledger.table()
+        verdicts = {} if ledger is None else {"verdicts.csv": _csv(table)}
+        files = verdicts | self.files  # a product's JSON is the last of its files
         folder = self.folder / self.paper
         write(folder, files, old=self._abandoned(folder))
-        print(f"{self.paper}: {len(table)} claims ({ledger.summary()}); {len(files)} files")
+        judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
+        print(f"{self.paper}: {judged}; {len(files)} files")
 
     def _abandoned(self, folder):
         """Files of products of this paper that lie in the folder and that this run did not make."""
@@ -320,13 +325,13 @@ def latex(frame):
     header, rows = _cells(frame)
 
     def line(cells):
-        return " & ".join(_tex(cell) for cell in cells) + r" \\"
+        return " & ".join(tex(cell) for cell in cells) + r" \\"
 
     body = [line(header), r"\midrule", *map(line, rows)]
     return "\n".join([rf"\begin{{tabular}}{{{'l' * len(header)}}}", r"\toprule", *body, r"\bottomrule", r"\end{tabular}", ""])
 
 
-def _tex(text):
+def tex(text):
     """Text with LaTeX's special characters escaped outside mathematics."""
     pieces = re.split(r"(\$[^$]+\$)", text)
     return "".join(piece if i % 2 else "".join(_TEX.get(c, c) for c in piece) for i, piece in enumerate(pieces))

@@ -218,7 +218,8 @@ def begin(paper, namespace):
         "remake": remake(paper, values),
         "versions": versions(),
     }
-    return Ledger(paper, strict=default), Portfolio(paper, folder, provenance)
+    ledger = Ledger(paper, strict=default) if (paths.CLAIMS / f"{paper}.csv").is_file() else None  # the index judges no paper
+    return ledger, Portfolio(paper, folder, provenance)
 
 
 def remake(paper, values):

@@ -12,11 +12,13 @@ NOTEBOOKS = ROOT / "notebooks"  # NN_<paper>.ipynb, committed executed
 DATA = ROOT / "data"  # papers.toml: bibliography
 CLAIMS = DATA / "claims"  # <paper>.csv: what the papers publish
 PACKAGE = ROOT / "tbdcore"
+PRODUCTS = ROOT / "figures"  # <paper>/fig05.pdf and its kin: the committed products
 LOCK = ROOT / "environment.txt"
 README = ROOT / "README.md"
+CITATION = ROOT / "CITATION.cff"
 BUILD = ROOT / "build"  # everything that is neither source nor product
 
 
 def figures():
     """The folder of the committed products, or the one that TBDCORE_FIGURES names."""
-    return Path(os.environ.get("TBDCORE_FIGURES") or ROOT / "figures").resolve()
+    return Path(os.environ.get("TBDCORE_FIGURES") or PRODUCTS).resolve()
