@@ -129,8 +129,9 @@ def inherit(H, age, ancestors, births):
     H : (window, ..., N); age : (N,) frames recorded since birth.  Returns new arrays (window, ..., M + births) and (M + births,).
     """
     M = len(ancestors)
-    moved, older = np.zeros((*H.shape[:-1], M + births)), np.zeros(M + births, age.dtype)
+    moved, older = np.empty((*H.shape[:-1], M + births)), np.zeros(M + births, age.dtype)
     np.take(H, ancestors, axis=-1, out=moved[..., :M], mode="clip")
+    moved[..., M:] = 0.0
     older[:M] = age[ancestors]
     return moved, older
 

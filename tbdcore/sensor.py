@@ -180,8 +180,8 @@ def polar_grid(r_min, r_max, a_min, a_max, dr, da):
 
 
 def polar_cells(x, y, grid):
-    """Cell coordinates (rho, alpha) of Cartesian positions in m; cell (i, j) is centred at (i, j) and one wide."""
-    r, a = np.sqrt(x * x + y * y), np.arctan2(y, x)
+    """Cell coordinates (rho, alpha) of Cartesian positions in m, y > 0; cell (i, j) is centred at (i, j) and one wide."""
+    r, a = np.sqrt(x * x + y * y), 0.5 * np.pi - np.arctan(x / y)
     return (r - grid.r_min) / grid.dr + 0.5, (a - grid.a_min) / grid.da + 0.5
 
 
@@ -456,8 +456,9 @@ def _coherent(z, rho, alpha, snr, spread, step, table, out):
     gr, ga = np.empty(2 * hr + 1), np.empty(2 * ha + 1)
     x = np.empty(gr.size * ga.size)
     for n in range(rho.size):
-        out[n] = -np.inf
-        if not (0.5 <= rho[n] < nr + 0.5 and 0.5 <= alpha[n] < na + 0.5):
+        inside = 0.5 <= rho[n] < nr + 0.5 and 0.5 <= alpha[n] < na + 0.5
+        out[n] = 0.0 if inside else -np.inf
+        if not inside or snr[n] <= 0.0:
             continue
         i0, j0 = int(rho[n] + 0.5), int(alpha[n] + 0.5)
         d, e = rho[n] - i0, alpha[n] - j0
@@ -492,7 +493,7 @@ def coherent_log_ratio(z, rho, alpha, snr, spread, step=0.8):
     """Log-likelihood ratio (N,) of each particle's patch under equation (5) itself: one amplitude in all of its cells.
 
     Given |A|**2 = p sigma**2 the cells are independent, each with the density exp(-z - p h**2) I0(2 h sqrt(p z)); the Swerling 1
-    average over p, exponential with mean snr, couples them.  Arguments as in :func:`power_log_ratio`, snr above 0.
+    average over p, exponential with mean snr, couples them.  Arguments and limits as in :func:`power_log_ratio`.
 
     step : of the midpoint rule over the amplitude, in units of (1 / snr + sum h**2)**-0.5; error below 1e-4 at 0.25, 1e-2 at 0.8.
     """

@@ -219,6 +219,11 @@ def test_coherent_ratio_of_one_cell_is_the_power_ratio():
     assert ours == pytest.approx(sensor.power_log_ratio(z, rho, alpha, snr, one), abs=1e-5)
 
 
+def test_coherent_ratio_without_intensity_and_off_the_frame():
+    z, place = np.ones((9, 9)), (np.array([4.0, 0.4]), np.array([4.0, 4.0]))
+    assert sensor.coherent_log_ratio(z, *place, np.array([0.0, 2.0]), SPREAD).tolist() == [0.0, -np.inf]
+
+
 def test_coherent_ratio_mean_under_noise_is_one():
     rng, n = np.random.default_rng(9), 20_000
     z = rng.standard_exponential((n, 3, 3))
