@@ -201,16 +201,18 @@ def straddle(spread):
     return math.prod(math.sqrt(math.pi / l) * math.erf(0.5 * math.sqrt(l)) for l in (spread.lr, spread.la))
 
 
-def _reach(rho, alpha, spread, shape):
-    """Slices of the cells around a point outside of which h**2 is below 1e-16, or a ValueError if it is off the frame."""
+def _lit(rho, alpha, spread, shape):
+    """The cells around a point outside of which h**2 is below 1e-16, as slices, and h**2 in them; ValueError off the frame."""
     if not (0.5 <= rho < shape[0] + 0.5 and 0.5 <= alpha < shape[1] + 0.5):
         raise ValueError(
             f"target at cell ({rho:.1f}, {alpha:.1f}) is outside the {shape[0]} x {shape[1]} cells; move it or the area"
         )
-    return tuple(
-        slice(max(int(v - half), 0), min(int(v + half) + 1, n))
-        for v, half, n in zip((rho, alpha), (math.sqrt(37 / spread.lr), math.sqrt(37 / spread.la)), shape, strict=True)
-    )
+    near, power = [], []
+    for v, l, n in ((rho, spread.lr, shape[0]), (alpha, spread.la, shape[1])):
+        half = math.sqrt(37.0 / l)
+        near.append(slice(max(int(v - half), 0), min(int(v + half) + 1, n)))
+        power.append(np.exp(-l * (np.arange(near[-1].start + 1, near[-1].stop + 1) - v) ** 2))
+    return tuple(near), power[0][:, None] * power[1]
 
 
 def illuminate(z, rho, alpha, power, spread, rng):
@@ -222,9 +224,8 @@ def illuminate(z, rho, alpha, power, spread, rng):
     rng : the angle between A h and v, uniform in every cell, since v is circular: only v's modulus is in z so far.
     """
     for k in np.flatnonzero(~np.isnan(rho)):
-        near = _reach(rho[k], alpha[k], spread, z.shape[1:])
-        s = power[k] * spread_power(rho[k], alpha[k], spread, z.shape[1:])[near]
-        v2 = z[k][near]
+        near, h2 = _lit(rho[k], alpha[k], spread, z.shape[1:])
+        s, v2 = power[k] * h2, z[k][near]
         z[k][near] = s + v2 + 2.0 * np.sqrt(s * v2) * np.cos(2.0 * np.pi * rng.random(s.shape))
 
 
@@ -234,8 +235,8 @@ def illuminate_cells(z, rho, alpha, snr, spread):
     Arguments as in :func:`illuminate`; snr : mean of |A|**2 over the noise power.  No generator: a cell's exponential is scaled.
     """
     for k in np.flatnonzero(~np.isnan(rho)):
-        near = _reach(rho[k], alpha[k], spread, z.shape[1:])
-        z[k][near] *= 1.0 + snr * spread_power(rho[k], alpha[k], spread, z.shape[1:])[near]
+        near, h2 = _lit(rho[k], alpha[k], spread, z.shape[1:])
+        z[k][near] *= 1.0 + snr * h2
 
 
 def check_frames(z):
