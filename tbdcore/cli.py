@@ -1,7 +1,11 @@
-"""The command line: ``tbdcore run | score``.
+"""The command line: ``tbdcore run | sweep | score | cite | which | doctor``.
 
 ``run``     executes notebooks with checked parameters, one line of progress each, products written only on success
+``sweep``   executes one notebook for each value of a parameter
 ``score``   the scorecard of all papers from their verdicts
+``cite``    caption, files and BibTeX of a figure or table
+``which``   what a picture is, what made it, and whether that has changed since
+``doctor``  whether this machine can run it all
 
 Exit codes: 0 good, 1 a check failed, 2 bad usage or input, 3 the environment.  An error is one line on standard
 error: what, where, what to do.
@@ -75,7 +79,26 @@ def _parser():
     score.add_argument("--out", metavar="DIR", help="folder that holds the products instead of figures/")
     score.add_argument("--check", action="store_true", help="write nothing; fail when scorecard or README are stale")
     score.set_defaults(command=_score)
+    cite = commands.add_parser("cite", help="caption, files and BibTeX of a figure or table")
+    cite.add_argument("id", metavar="PAPER/NAME", help="for instance track_cfar/fig05")
+    for form, said in _FORMS.items():
+        cite.add_argument(f"--{form}", dest="form", action="store_const", const=form, default="", help=said)
+    cite.add_argument("--out", metavar="DIR", help="folder that holds the products instead of figures/")
+    cite.set_defaults(command=_cite)
+    which = commands.add_parser("which", help="what a file is, what made it, and whether that has changed since")
+    which.add_argument("file", metavar="FILE", help="a PDF, SVG or PNG that tbdcore made, wherever it is now")
+    which.set_defaults(command=_which)
+    doctor = commands.add_parser("doctor", help="whether this machine can run it all, with a self-test")
+    doctor.set_defaults(command=_doctor)
     return parser
+
+
+_FORMS = {
+    "bibtex": "entries of the paper and of this repository",
+    "caption": "the caption alone",
+    "latex": "a complete figure or table environment",
+    "markdown": "for Markdown",
+}
 
 
 def _running(parser):
@@ -215,9 +238,9 @@ def _nothing(seed, i):
 def _score(arguments):
     """Write the scorecard and README's table and print them; fail when a claim is missing or its verdict has changed.
 
-    figures/scorecard.csv holds every verdict, scorecard.md the counts.
+    figures/scorecard.csv holds every verdict, scorecard.md the counts, figures/README.md all products, figures.bib the papers.
     """
-    from tbdcore import claims, figures
+    from tbdcore import cite, claims, figures
 
     folder = Path(arguments.out) if arguments.out else paths.figures()
     try:
@@ -225,6 +248,7 @@ def _score(arguments):
     except (ValueError, FileNotFoundError) as error:
         raise Fault(error, FAILED) from None
     files = {folder / "scorecard.csv": figures._csv(every), folder / "scorecard.md": text.encode()}
+    files |= {folder / "figures.bib": cite.bibliography().encode(), folder / "README.md": cite.gallery(folder).encode()}
     if not arguments.out:
         files[paths.README] = _readme(every).encode()
     print(text, end="")
@@ -237,6 +261,36 @@ def _score(arguments):
     if changes:
         raise Fault(f"{len(changes)} verdicts are not those of the last scorecard: {'; '.join(changes)}", FAILED)
     return GOOD
+
+
+def _cite(arguments):
+    """What a report needs of a figure or table."""
+    from tbdcore import cite
+
+    print(cite.text(arguments.id, arguments.form, Path(arguments.out) if arguments.out else None), end="")
+    return GOOD
+
+
+def _which(arguments):
+    """What a file is; fails when the sources that made it have changed."""
+    from tbdcore import cite
+
+    text, current = cite.which(Path(arguments.file))
+    print(text, end="")
+    return GOOD if current else FAILED
+
+
+def _doctor(arguments):
+    """Check the environment: what is good on standard output, one line for each fault on standard error."""
+    from tbdcore import doctor
+
+    status = GOOD
+    for good, line in doctor.examine():
+        if good:
+            print(line, flush=True)
+        else:
+            status = _complain(line, ENVIRONMENT)
+    return status
 
 
 def _changes(scorecard, every):
@@ -280,7 +334,7 @@ def _papers(every):
         rest = ", ".join(f"{counts[verdict]} {verdict}" for verdict in claims.VERDICTS[1:4] if verdict in counts)
         title = f"{about[paper]['topic']} ({about[paper]['short']})"
         link = f"[{pages.path(paper).stem}](notebooks/{pages.path(paper).name})"
-        rows.append((title, link, f"{counts.get('reproduced', 0)} of {len(results)}", rest, about[paper]["run_time"]))
+        rows.append((title, link, f"{counts.get('reproduced', 0)} of {len(results)}", rest, about[paper].get("run_time", "")))
     return pd.DataFrame(rows, columns=["paper", "notebook", "reproduced", "the rest", "run time"])
 
 

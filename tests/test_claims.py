@@ -91,7 +91,7 @@ def test_an_empty_file(tmp_path):
 
 
 def test_a_quote_that_is_never_closed(tmp_path):
-    refused(written(tmp_path, *GOOD, ROW.replace("range", '"range')), "row 5")
+    refused(written(tmp_path, *GOOD, ROW.replace("range", '"range')), "row 5", "quotation mark")
 
 
 def test_no_file_of_this_name(tmp_path):
@@ -306,30 +306,33 @@ def test_a_changed_scenario_is_an_error_in_a_default_run(tmp_path):
     assert book.verdicts["a.in"].verdict == "differs"
 
 
-VERDICTS = "id,item,quantity,published,measured,se,n,verdict,cause\n{}"
+VERDICTS = """id,item,quantity,published,measured,se,n,verdict,cause
+mean,Table 1,mean of the draws,0.0,0.01,0.05,400,reproduced,
+order,text,shifted draws are larger,larger,margin 1.00,0.05,400,reproduced,
+price,text,price,cheap,,,,untestable,An opinion.
+"""
+
+
+def enter(repository, text):
+    """Put a verdicts.csv into figures/."""
+    folder = repository / "figures" / "tiny"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "verdicts.csv").write_text(text)
 
 
 def test_the_scorecard_counts(repository):
-    folder = repository.root / "figures" / "toy"
-    folder.mkdir()
-    rows = "in.level,Sec. 1,level,1.5 m,1.5 m,,,used,\nmean,Fig. 1,mean of the noise,1.50 m,1.4998,0.0005,400,reproduced,\n"
-    (folder / "verdicts.csv").write_text(VERDICTS.format(rows))
-    card = claims.scorecard()
-    assert card.to_numpy().tolist()[0] == ["toy", 2, 1, 0, 0, 0, 1, "0.01"]
-    assert card.to_numpy().tolist()[1][1:] == card.to_numpy().tolist()[0][1:]
-    assert claims.ledger()[["paper", "id", "verdict"]].to_numpy().tolist() == [
-        ["toy", "in.level", "used"],
-        ["toy", "mean", "reproduced"],
-    ]
+    enter(repository, VERDICTS)
+    card = claims.scorecard().to_numpy().tolist()
+    assert card == [["tiny", 3, 2, 0, 0, 1, 0, "0.02"], ["all", 3, 2, 0, 0, 1, 0, "0.02"]]
+    rows = claims.ledger()[["paper", "id", "verdict"]].to_numpy().tolist()
+    assert rows == [["tiny", "mean", "reproduced"], ["tiny", "order", "reproduced"], ["tiny", "price", "untestable"]]
 
 
 def test_the_scorecard_refuses_verdicts_that_are_not_the_claims(repository):
-    with pytest.raises(FileNotFoundError, match="tbdcore run toy"):
+    with pytest.raises(FileNotFoundError, match="tbdcore run tiny"):
         claims.scorecard()
-    folder = repository.root / "figures" / "toy"
-    folder.mkdir()
-    (folder / "verdicts.csv").write_text(VERDICTS.format("in.level,Sec. 1,level,1.5 m,1.5 m,,,used,\n"))
-    with pytest.raises(ValueError, match=r"do not match in mean; run tbdcore run toy"):
+    enter(repository, VERDICTS.replace("order,text", "odder,text"))
+    with pytest.raises(ValueError, match=r"do not match in odder, order; run tbdcore run tiny"):
         claims.scorecard()
 
 

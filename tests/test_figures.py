@@ -1,0 +1,204 @@
+"""Products: the same bytes twice, traceable, and nothing written unless all of it is."""
+
+import json
+import re
+import zlib
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tbdcore import figures
+from tbdcore.claims import Ledger
+
+PROVENANCE = {"parameters": {"n": 3}, "seed": 1, "trials": 3, "sources": "0123456789abcdef", "versions": {}}
+CLAIMS = "id,item,quantity,conditions,value,unit,kind,where,cause\nmean,Fig. 1,mean,,1.5,m,number,Sec. 2,\n"
+
+
+@pytest.fixture
+def portfolio(tmp_path):
+    return figures.Portfolio("toy", tmp_path / "figures", PROVENANCE)
+
+
+@pytest.fixture
+def ledger(tmp_path):
+    (tmp_path / "toy.csv").write_text(CLAIMS)
+    made = Ledger("toy", folder=tmp_path)
+    made.check("mean", 1.52)
+    return made
+
+
+def draw(portfolio, name="fig01"):
+    """A figure with all that the house draws: bands, marks, a legend, mathematics."""
+    fig, ax = portfolio.new(1, 2)
+    x = np.linspace(0, 1, 5)
+    portfolio.band(ax[0], x, x**2, 0.1 + 0 * x, name="proposed", label="$P_D$")
+    portfolio.marks(ax[1], [0.5], [0.25], label="printed")
+    ax[0].legend()
+    return portfolio.save(fig, name, caption="Squares, 100 %.", claims=["mean"])
+
+
+def published(folder):
+    return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_the_same_figure_has_the_same_bytes(tmp_path):
+    runs = [figures.Portfolio("toy", tmp_path, PROVENANCE) for _ in range(2)]
+    for run in runs:
+        draw(run)
+        run.table(pd.DataFrame({"a": [1 / 3]}), "table1", caption="A third.")
+    assert set(runs[0].files) == {f"fig01.{end}" for end in ("pdf", "svg", "png", "csv", "json")} | {
+        f"table1.{end}" for end in ("csv", "md", "tex", "json")
+    }
+    assert runs[0].files == runs[1].files
+
+
+def test_no_picture_knows_the_date(portfolio):
+    draw(portfolio)
+    for extension in ("pdf", "svg", "png"):
+        content = portfolio.files[f"fig01.{extension}"]
+        assert not re.search(rb"CreationDate|<dc:date>|tIME|Creation Time", content), extension
+
+
+def test_every_picture_carries_its_id(portfolio):
+    draw(portfolio)
+    assert b"/Title (toy/fig01)" in portfolio.files["fig01.pdf"]
+    assert b"<dc:title>toy/fig01</dc:title>" in portfolio.files["fig01.svg"]
+    assert b"Title\0toy/fig01" in portfolio.files["fig01.png"]
+
+
+def test_the_png_is_whole(portfolio):
+    """Every chunk of the file has its checksum, and the last one is the end."""
+    picture = draw(portfolio)._repr_png_()
+    assert picture == portfolio.files["fig01.png"]
+    place, names = 8, []
+    while place < len(picture):
+        length = int.from_bytes(picture[place : place + 4], "big")
+        body = picture[place + 4 : place + 8 + length]
+        assert zlib.crc32(body) == int.from_bytes(picture[place + 8 + length : place + 12 + length], "big")
+        names.append(body[:4])
+        place += 12 + length
+    assert names[-1] == b"IEND"
+
+
+def test_everything_drawn_is_in_the_csv(portfolio):
+    draw(portfolio)
+    lines = portfolio.files["fig01.csv"].decode().splitlines()
+    assert lines[0] == "series,x,y,se,panel"
+    assert lines[1] == "$P_D$,0,0,0.1,0"
+    assert lines[-1] == "printed,0.5,0.25,,1"
+    assert len(lines) == 1 + 5 + 1
+
+
+def test_the_json_says_what_made_it(portfolio):
+    draw(portfolio)
+    about = json.loads(portfolio.files["fig01.json"])
+    assert about["id"] == "toy/fig01"
+    assert about["caption"] == "Squares, 100 %."
+    assert about["claims"] == ["mean"]
+    assert about.items() >= PROVENANCE.items()
+
+
+def test_a_schematic_has_no_csv(portfolio):
+    fig, ax = portfolio.new()
+    ax.text(0, 0, "box")
+    portfolio.save(fig, "fig02", caption="Boxes.")
+    assert "fig02.csv" not in portfolio.files
+
+
+def test_drawing_leaves_no_figure_open(portfolio):
+    draw(portfolio)
+    from matplotlib import pyplot as plt
+
+    assert plt.get_fignums() == []
+
+
+def test_nothing_is_written_before_publish(portfolio, ledger, tmp_path):
+    draw(portfolio)
+    assert not (tmp_path / "figures").exists()
+    portfolio.publish(ledger)
+    made = published(tmp_path / "figures" / "toy")
+    assert set(made) == {"verdicts.csv", *portfolio.files}
+    assert made["fig01.pdf"] == portfolio.files["fig01.pdf"]
+    assert made["verdicts.csv"].decode().splitlines()[1] == "mean,Fig. 1,mean,1.5 m,1.52,,,reproduced,"
+
+
+def test_an_incomplete_ledger_publishes_nothing(portfolio, ledger, tmp_path):
+    draw(portfolio)
+    ledger.verdicts.clear()
+    with pytest.raises(ValueError, match="no verdict on 1 of 1 claims: mean"):
+        portfolio.publish(ledger)
+    assert not (tmp_path / "figures").exists()
+
+
+def test_a_failing_write_leaves_the_old_files(tmp_path):
+    figures.write(tmp_path, {"a.csv": b"old a", "b.csv": b"old b"})
+    with pytest.raises(TypeError):  # the second cannot be written: the first must not be replaced
+        figures.write(tmp_path, {"a.csv": b"new a", "b.csv": object()})
+    assert published(tmp_path) == {"a.csv": b"old a", "b.csv": b"old b"}
+
+
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OSError, match="file"):
+        figures.write(tmp_path / "file" / "toy", {"a.csv": b""})
+
+
+@pytest.mark.parametrize("name", ["Fig01", "fig 1", "1fig", "fig-1", "../fig", ""])
+def test_bad_names_are_refused(portfolio, name):
+    with pytest.raises(ValueError, match="use small letters, digits and underscores"):
+        draw(portfolio, name)
+    assert portfolio.files == {}
+
+
+def test_a_name_is_used_once(portfolio):
+    draw(portfolio)
+    with pytest.raises(ValueError, match="'fig01' is saved twice"):
+        portfolio.table(pd.DataFrame({"a": [1]}), "fig01", caption="Again.")
+
+
+def test_a_caption_is_mandatory(portfolio):
+    with pytest.raises(ValueError, match="'table1' has no caption"):
+        portfolio.table(pd.DataFrame({"a": [1]}), "table1")
+
+
+def test_numbers_are_written_with_six_digits(portfolio):
+    frame = portfolio.table(pd.DataFrame({"x": [1 / 3, 2e-9, np.nan, 123456.7]}), "table1", caption="Numbers.")
+    assert portfolio.files["table1.csv"] == b'x\n0.333333\n2e-09\n""\n123457\n'
+    assert portfolio.files["table1.md"] == b"| x |\n| --- |\n| 0.333333 |\n| 2e-09 |\n|  |\n| 123457 |\n"
+    assert frame["x"][0] == 1 / 3  # what the notebook goes on with is not rounded
+
+
+def test_markdown_escapes_what_would_break_the_table():
+    assert figures.markdown(pd.DataFrame({"|x|": ["a|b"]})) == "| \\|x\\| |\n| --- |\n| a\\|b |\n"
+
+
+def test_latex_escapes_text_and_leaves_mathematics():
+    text = figures.latex(pd.DataFrame({"50 % & more": [r"$P_D^2$ of a_b #1", r"\ ~ ^ { } $"]}))
+    assert text.splitlines() == [
+        r"\begin{tabular}{l}",
+        r"\toprule",
+        r"50 \% \& more \\",
+        r"\midrule",
+        r"$P_D^2$ of a\_b \#1 \\",
+        r"\textbackslash{} \textasciitilde{} \textasciicircum{} \{ \} \$ \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+def test_a_named_index_is_a_column():
+    frame = pd.DataFrame({"value": [1, 2]}, index=pd.Index(["a", "b"], name="case"))
+    assert figures.markdown(frame).splitlines()[0] == "| case | value |"
+    assert figures.latex(frame).splitlines()[2] == r"case & value \\"
+
+
+def brightness(colour):
+    r, g, b = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+
+def test_every_line_style_belongs_to_a_colour():
+    assert set(figures.LINES) <= set(figures.COLOURS)
+    assert all(re.fullmatch("#[0-9A-F]{6}", colour) for colour in figures.COLOURS.values())
+    assert max(map(brightness, figures.COLOURS.values())) < 0.8  # a paler line is lost on white paper

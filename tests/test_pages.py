@@ -1,0 +1,279 @@
+"""Pages: what a parameters cell says is what is checked, and a page is a module like any other."""
+
+import copy
+import json
+import os
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tiny
+
+from tbdcore import pages, paths, trials
+
+CELL = """seed: int = 20  # root of every random stream; in [0, inf)
+n_trials: int = 400  # Monte Carlo trials; in [1, inf); quick 40
+workers: int = 0  # processes, 0 for one per core; in [0, inf)
+scheduler: str = ""  # address of a dask scheduler, empty for this machine
+out: str = ""  # folder for products, empty for the repository's figures/
+track_pfa: float = 0.1  # track false-alarm probability P_F; in (0, 1)
+blur: float = 0.6  # width in cells; in (0, 0.8]
+reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"
+snr_db: list = [3, 4.5]  # grid, dB; in [-30, 40]
+square_law: bool = False  # accumulate z**2"""
+
+
+@pytest.fixture
+def paper(repository):
+    """A paper whose notebook has the parameters above."""
+    rewrite(repository, parameters=CELL)
+    return "tiny"
+
+
+def rewrite(repository, **cells):
+    (repository / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(tiny.CELLS | cells), encoding="utf-8")
+
+
+def values(paper, **changed):
+    """A notebook's namespace after its parameters cell."""
+    return {name: parameter.default for name, parameter in pages.parameters(paper).items()} | changed
+
+
+def one_line(caught, *words):
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_parameters_are_read_from_the_cell(paper):
+    known = pages.parameters(paper)
+    assert list(known)[:5] == list(pages.COMMON)
+    assert known["track_pfa"] == pages.Parameter("track_pfa", "float", 0.1, "track false-alarm probability P_F", 0.0, 1.0, "()")
+    assert known["blur"].range() == "(0, 0.8]"
+    assert known["n_trials"].quick == 40
+    assert known["reading"].choices == ("m", "m-r")
+    assert known["snr_db"].default == [3, 4.5]
+
+
+GOOD = [
+    ("n_trials", 1e3, 1000),
+    ("track_pfa", 0.5, 0.5),
+    ("snr_db", [40, -30], [40, -30]),
+    ("reading", "m-r", "m-r"),
+    ("blur", 0.8, 0.8),
+]
+
+
+@pytest.mark.parametrize(("name", "value", "coerced"), [*GOOD, ("square_law", True, True), ("seed", 0, 0)])
+def test_good_values_take_the_parameters_type(paper, name, value, coerced):
+    ours = pages.validate(paper, {name: value})[name]
+    assert ours == coerced
+    assert type(ours) is type(coerced)
+
+
+def test_an_integer_for_a_float(repository):
+    rewrite(repository, parameters="gate_g: float = 4.0  # gate; in (0, inf)")
+    assert repr(pages.validate("tiny", {"gate_g": 3})["gate_g"]) == "3.0"
+
+
+BAD = [  # name, value, words of the message
+    ("n_trials", 0, ("n_trials", "0 is out of range", "Monte Carlo trials, in [1, inf)")),
+    ("n_trials", 1.5, ("1.5 is float; give int, like 400",)),
+    ("n_trials", True, ("True is bool; give int",)),
+    ("n_trials", "many", ("'many' is str; give int",)),
+    ("track_pfa", 0.0, ("0.0 is out of range", "in (0, 1)")),
+    ("track_pfa", 1, ("out of range",)),
+    ("track_pfa", float("nan"), ("out of range",)),
+    ("blur", 0.8001, ("out of range", "in (0, 0.8]")),
+    ("reading", "n", ("'n' is none of 'm', 'm-r'",)),
+    ("snr_db", [3, 41], ("out of range", "in [-30, 40]")),
+    ("snr_db", ["3"], ("out of range",)),
+    ("snr_db", 3, ("3 is int; give list",)),
+    ("square_law", 1, ("1 is int; give bool",)),
+    ("track_pfb", 0.1, ("'track_pfb'", "the nearest is 'track_pfa'")),
+]
+
+
+@pytest.mark.parametrize(("name", "value", "words"), BAD, ids=[f"{name}={value!r}" for name, value, _ in BAD])
+def test_bad_values_are_refused_in_a_line(paper, name, value, words):
+    with pytest.raises(ValueError, match="parameter ") as caught:
+        pages.validate(paper, {name: value})
+    one_line(caught, *words)
+
+
+def test_an_unknown_paper_is_told_the_nearest(paper):
+    with pytest.raises(ValueError, match="the nearest is 'tiny'") as caught:
+        pages.parameters("tinny")
+    one_line(caught)
+
+
+@pytest.mark.parametrize("line", ["seed = 3", "seed: complex = 3", "print(1)"])
+def test_a_line_that_is_no_parameter_is_named(repository, line):
+    rewrite(repository, parameters=f"n_trials: int = 3  # trials; in [1, inf)\n{line}")
+    with pytest.raises(ValueError, match="parameters cell, line 2"):
+        pages.parameters("tiny")
+
+
+def test_begin_opens_a_default_run(paper, repository):
+    claims, figures = pages.begin(paper, values(paper))
+    assert claims.strict
+    assert figures.folder == repository / "figures"
+    assert figures.provenance["seed"] == 20
+    assert set(figures.provenance["parameters"]) == set(pages.parameters(paper)) - set(pages.PLUMBING)
+
+
+def test_begin_puts_coerced_values_back(paper):
+    namespace = values(paper, n_trials=400.0)
+    pages.begin(paper, namespace)
+    assert repr(namespace["n_trials"]) == "400"
+
+
+def test_begin_finds_a_misspelt_parameter(paper):
+    """Papermill injects what it is given, and runs the rest with the default."""
+    with pytest.raises(ValueError, match=r"'n_trails'.*the nearest is 'n_trials'") as caught:
+        pages.begin(paper, values(paper, n_trails=5))
+    one_line(caught)
+
+
+def test_begin_does_not_mind_what_a_notebook_has(paper):
+    others = {"np": np, "page": types.SimpleNamespace(), "In": [""], "Out": {}, "_i1": "", "__name__": "__main__", "run": len}
+    pages.begin(paper, values(paper, **others))
+
+
+def test_begin_refuses_other_parameters_in_the_committed_figures(paper):
+    with pytest.raises(ValueError, match="figures are for default parameters") as caught:
+        pages.begin(paper, values(paper, n_trials=7))
+    one_line(caught, "out='build/try'")
+
+
+def test_parameters_that_change_no_result_may_differ(paper):
+    assert pages.begin(paper, values(paper, workers=3))[0].strict
+
+
+def test_begin_with_other_parameters_and_a_folder(paper, tmp_path):
+    claims, figures = pages.begin(paper, values(paper, n_trials=7, out=str(tmp_path / "try")))
+    assert not claims.strict
+    assert figures.folder == tmp_path / "try"
+    assert list(figures.folder.iterdir()) == []  # the probe is gone
+
+
+def test_a_relative_folder_is_made_with_its_parents(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert pages.usable("a/b") == tmp_path / "a" / "b"
+    assert (tmp_path / "a" / "b").is_dir()
+
+
+def test_an_absolute_folder_needs_its_parent(tmp_path):
+    with pytest.raises(ValueError, match="its parent folder does not exist") as caught:
+        pages.usable(str(tmp_path / "a" / "b"))
+    one_line(caught, str(tmp_path))
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match="give a folder that can be written"):
+        pages.usable(str(tmp_path / "file"))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(ValueError, match="Permission denied; give a folder"):
+        pages.usable(str(tmp_path / "new"))
+
+
+ALGORITHM = """import numpy as np
+
+from tbdcore import kernel, trials
+
+
+@kernel
+def total(z):
+    s = 0.0
+    for value in z:
+        s += value
+    return s
+
+
+def run(seed, i):
+    return total(trials.generator(seed, "tiny", "page", i, "noise").random(4))"""
+
+
+def test_a_page_is_a_module(repository):
+    rewrite(repository, algorithm=ALGORITHM)
+    page = pages.page("tiny")
+    assert isinstance(page, types.ModuleType)
+    assert pages.page("tiny") is page
+    assert page.total(np.array([1.0, 2.0])) == 3.0
+    assert not hasattr(page, "n_trials"), "cells of other tags are not part of it"
+    assert Path(page.__file__).read_text(encoding="utf-8") == ALGORITHM
+
+
+def test_a_page_follows_its_notebook(repository):
+    rewrite(repository, algorithm="answer = 1")
+    assert pages.page("tiny").answer == 1
+    rewrite(repository, algorithm="answer = 2")
+    assert pages.page("tiny").answer == 2
+
+
+def test_a_broken_page_is_not_kept(repository):
+    rewrite(repository, algorithm="answer = 1 / 0")
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError):
+            pages.page("tiny")
+
+
+def test_functions_of_a_page_reach_the_workers(repository):
+    rewrite(repository, algorithm=ALGORITHM)
+    page = pages.page("tiny")
+    ours = trials.run(page.run, 5, seed=1, workers=2)
+    np.testing.assert_array_equal(ours, [page.run(1, i) for i in range(5)])
+
+
+def test_the_hash_of_the_sources_follows_code_claims_and_modules(repository):
+    first = pages.sources("tiny")
+    assert pages.sources("tiny") == first
+    rewrite(repository, claims="1 + 1")
+    second = pages.sources("tiny")
+    (paths.CLAIMS / "tiny.csv").write_text(tiny.CLAIMS.replace("cheap", "dear"))
+    third = pages.sources("tiny")
+    with (paths.PACKAGE / "trials.py").open("a") as module:
+        module.write("\nextra = 1\n")
+    fourth = pages.sources("tiny")
+    with (paths.PACKAGE / "dynprog.py").open("a") as module:  # which the notebook does not import
+        module.write("\nextra = 1\n")
+    assert len({first, second, third, fourth}) == 4
+    assert pages.sources("tiny") == fourth
+
+
+def executed():
+    """What papermill leaves: an injected cell, times, counts and standard error."""
+    notebook = json.loads(tiny.notebook({name: tiny.CELLS[name] for name in ("algorithm", "parameters")}))
+    injected = copy.deepcopy(notebook["cells"][1])
+    injected["metadata"] = {"tags": ["injected-parameters"]}
+    notebook["cells"].insert(2, injected)
+    for count, cell in enumerate(notebook["cells"], start=5):
+        cell["execution_count"] = count
+        cell["metadata"]["papermill"] = {"duration": 0.1}
+        cell["outputs"] = [
+            {"output_type": "stream", "name": "stderr", "text": "noise"},
+            {"output_type": "execute_result", "execution_count": count, "data": {}, "metadata": {}},
+        ]
+    notebook["metadata"]["papermill"] = {"start_time": "now"}
+    return notebook
+
+
+def test_clean_leaves_what_is_committed():
+    notebook = pages.clean(executed())
+    assert [cell["execution_count"] for cell in notebook["cells"]] == [1, 2]
+    assert [cell["metadata"] for cell in notebook["cells"]] == [{"tags": ["algorithm"]}, {"tags": ["parameters"]}]
+    assert [[out["execution_count"] for out in cell["outputs"]] for cell in notebook["cells"]] == [[1], [2]]
+    assert set(notebook["metadata"]) == {"kernelspec", "language_info"}
+
+
+def test_clean_changes_nothing_twice():
+    once = pages.clean(executed())
+    assert pages.clean(copy.deepcopy(once)) == once

@@ -1,0 +1,116 @@
+"""A repository with one small notebook and a copy of the package, for tests that execute, interrupt and resume.
+
+Each copy is a folder of its own: nothing that happens there can touch the real notebooks, figures or build folder.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from tbdcore import paths
+
+ROOT = Path(__file__).resolve().parents[1]
+CLAIMS = """id,item,quantity,conditions,value,unit,kind,where,cause
+mean,Table 1,mean of the draws,,0.0,,number,Sec. 1,
+order,text,shifted draws are larger,,larger,,ordering,Sec. 1,
+price,text,price,,cheap,,statement,Sec. 1,
+"""
+PAPERS = """[tiny]
+title = "On the mean of some draws"
+authors = []
+short = "the tiny paper"
+topic = "Means"
+"""
+CELLS = {
+    "algorithm": "import time\nfrom functools import partial\n\nimport tbdcore\nfrom tbdcore import trials",
+    "parameters": """seed: int = 20  # root of every random stream; in [0, inf)
+n_trials: int = 400  # draws; in [1, inf); quick 40
+workers: int = 1  # processes; in [0, inf)
+scheduler: str = ""  # address of a dask scheduler
+out: str = ""  # folder for products
+pause: float = 0.0  # seconds that each trial sleeps; in [0, 60]
+shift: float = 1.0  # shift of the draws; in [-5, 5]""",
+    "begin": 'claims, figures = tbdcore.begin("tiny", vars())',
+    "trials": """def draw(seed, i, pause):
+    time.sleep(pause)
+    return trials.generator(seed, "tiny", "draw", i, "noise").standard_normal()
+
+
+x = trials.run(partial(draw, pause=pause), n_trials, seed=seed, workers=workers, scheduler=scheduler)""",
+    "claims": """claims.check("mean", x.mean(), se=x.std() / n_trials**0.5, n=n_trials, paper_n=100)
+claims.check("order", shift, se=x.std() / n_trials**0.5, n=n_trials)
+claims.untestable("price", "An opinion.")""",
+    "figure": """fig, ax = figures.new(width=2, height=1.5)
+figures.band(ax, range(9), x[:9], name="proposed")
+figures.save(fig, "fig1", caption="Nine draws, 100 % of them.", claims=["mean"])""",
+    "table": """import pandas as pd
+
+figures.table(pd.DataFrame({"draw": x[:3]}), "table1", caption="Three draws.", claims=["order"])""",
+    "publish": "claims.table()\nfigures.publish(claims)",
+}
+
+
+def notebook(cells):
+    """A notebook with these cells, their names as tags."""
+    code = [
+        {"cell_type": "code", "execution_count": None, "id": name, "metadata": {"tags": [name]}, "outputs": [], "source": source}
+        for name, source in cells.items()
+    ]
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    return json.dumps({"cells": code, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5})
+
+
+def copy_package(folder):
+    """The package, with the compiled code that belongs to it, in another folder."""
+    shutil.copytree(ROOT / "tbdcore", folder / "tbdcore", ignore=shutil.ignore_patterns("*.pyc"))
+
+
+def repository(folder):
+    """The small repository in a folder; returns a function that runs ``tbdcore`` there."""
+    copy_package(folder)
+    write(folder)
+    return lambda *words: subprocess.run(command(*words), cwd=folder, env=environment(folder), capture_output=True, text=True)
+
+
+def write(folder):
+    """Everything of it but the package."""
+    (folder / "data" / "claims").mkdir(parents=True)
+    (folder / "notebooks").mkdir()
+    (folder / "data" / "claims" / "tiny.csv").write_text(CLAIMS, encoding="utf-8")
+    (folder / "data" / "papers.toml").write_text(PAPERS, encoding="utf-8")
+    (folder / "notebooks" / "01_tiny.ipynb").write_text(notebook(CELLS), encoding="utf-8")
+    for name in ("CITATION.cff", "environment.txt", "pyproject.toml"):
+        shutil.copy(ROOT / name, folder / name)
+    (folder / "README.md").write_text("<!-- scorecard -->\n<!-- /scorecard -->\n", encoding="utf-8")
+
+
+def here(folder, monkeypatch):
+    """The small repository as that of this process; returns a function that runs its notebook's cells with given parameters."""
+    write(folder)
+    places = {"ROOT": "", "NOTEBOOKS": "notebooks", "DATA": "data", "CLAIMS": "data/claims", "LOCK": "environment.txt"}
+    places |= {"README": "README.md", "CITATION": "CITATION.cff", "BUILD": "build"}
+    for name, place in places.items():
+        monkeypatch.setattr(paths, name, folder / place)
+    monkeypatch.setenv("TBDCORE_FIGURES", str(folder / "figures"))
+    monkeypatch.chdir(folder)
+
+    def execute(**given):
+        namespace = {}
+        for name, source in CELLS.items():
+            exec(source, namespace)
+            namespace.update(given if name == "parameters" else {})
+
+    return execute
+
+
+def command(*words):
+    return [sys.executable, "-m", "tbdcore.cli", *words]
+
+
+def environment(folder):
+    """The environment in which Python finds the copy before the installed package."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("TBDCORE_")}
+    return kept | {"PYTHONPATH": str(folder)}
