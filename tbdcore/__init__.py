@@ -5,7 +5,7 @@ what is a textbook formula or a compiled loop, is here.  Two groups of modules, 
 
 =============  =====================================================================================================
 numerical      ``motion`` ``sensor`` ``detection`` ``particles`` ``kalman`` ``association`` ``dynprog``
-harness        ``score`` ``trials`` ``claims`` ``figures`` ``pages`` ``cli`` (and ``paths``, which knows every folder)
+harness        ``score`` ``trials`` ``claims`` ``figures`` ``pages`` ``batch`` ``cite`` ``doctor`` ``cli`` (``paths``: every folder)
 =============  =====================================================================================================
 
 Three names are of the package itself:

@@ -1,0 +1,140 @@
+"""From a product to what a report needs, and from a file back to what made it."""
+
+import json
+import re
+import tomllib
+
+import pytest
+import tiny
+
+from tbdcore import cite, cli, paths
+
+ALL = tomllib.loads((tiny.ROOT / "data" / "papers.toml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def execute(tmp_path, monkeypatch):
+    execute = tiny.here(tmp_path, monkeypatch)
+    execute()
+    return execute
+
+
+def tbdcore(capsys, *words):
+    """Exit code, standard output and standard error of a command."""
+    code = cli.main(list(words))
+    return code, *capsys.readouterr()
+
+
+def test_everything_at_a_glance(execute, capsys):
+    code, out, _ = tbdcore(capsys, "cite", "tiny/fig1")
+    assert code == 0
+    for part in ("Nine draws, 100 % of them.", "figures/tiny/fig1.pdf", "@misc{tiny,", "@misc{tbdcore,", "seed 20, 400 trials"):
+        assert part in out
+
+
+def test_latex_of_a_figure_and_of_a_table(execute, capsys):
+    _, figure, _ = tbdcore(capsys, "cite", "tiny/fig1", "--latex")
+    assert r"\includegraphics[width=\linewidth]{figures/tiny/fig1.pdf}" in figure
+    assert r"100 \% of them" in figure
+    assert r"\label{fig:tiny:fig1}" in figure
+    _, table, _ = tbdcore(capsys, "cite", "tiny/table1", "--latex")
+    assert r"\input{figures/tiny/table1.tex}" in table
+    for text in (figure, table):
+        assert re.findall(r"\\begin\{(\w+)\}", text) == re.findall(r"\\end\{(\w+)\}", text)
+        assert re.sub(r"\\.", "", text).count("{") == re.sub(r"\\.", "", text).count("}")
+
+
+def test_paths_are_those_of_the_folder_where_the_report_is(execute, capsys, monkeypatch, tmp_path):
+    (tmp_path / "report").mkdir()
+    monkeypatch.chdir(tmp_path / "report")
+    for form in ("--latex", "--markdown"):
+        assert "../figures/tiny/fig1.p" in tbdcore(capsys, "cite", "tiny/fig1", form)[1]
+
+
+def test_caption_and_markdown(execute, capsys):
+    assert tbdcore(capsys, "cite", "tiny/fig1", "--caption") == (0, "Nine draws, 100 % of them.\n", "")
+    assert tbdcore(capsys, "cite", "tiny/table1", "--markdown")[1].startswith("| draw |")
+
+
+@pytest.mark.parametrize(("id", "nearest"), [("tiny/fig2", "tiny/fig1"), ("tiny", "tiny/"), ("tiny/tabel1", "tiny/table1")])
+def test_unknown_id_names_the_nearest(execute, capsys, id, nearest):
+    code, out, err = tbdcore(capsys, "cite", id)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert nearest in err
+
+
+def bibtex(text):
+    """Entries of a BibTeX file by key: kind and fields; fails where the braces are not balanced."""
+    entries = re.findall(r"@(\w+)\{(\w+),\n(.*?)\n\}", text, re.DOTALL)
+    return {key: (kind, dict(re.findall(r"^  (\w+) = \{(.*)\},$", body, re.MULTILINE))) for kind, key, body in entries}
+
+
+@pytest.mark.parametrize("paper", ALL)
+def test_a_paper_has_a_legal_entry_with_what_is_known_and_nothing_else(paper):
+    about = ALL[paper]
+    ((key, (kind, fields)),) = bibtex(cite.paper_entry(paper)).items()
+    assert key == paper
+    assert kind == ("article" if "journal" in about and about["authors"] else "misc")
+    assert fields["title"] == f"{{{about['title']}}}"
+    assert fields.get("author", "").split(" and ") == (about["authors"] or [""])
+    assert ("key" in fields) == (not about["authors"]), "BibTeX sorts by author, or by key"
+    assert set(fields) <= {"title", "author", "key", "journal", "year", "volume", "number", "pages"}
+    assert fields.get("year", "") == str(about.get("year", ""))
+    assert all(value.isascii() for value in fields.values()), "pdfTeX sets these"
+
+
+def test_repository_entry_is_that_of_the_citation_file():
+    kind, fields = bibtex(cite.repository_entry())["tbdcore"]
+    assert kind == "misc"
+    assert fields["author"]
+    assert fields["version"] in paths.CITATION.read_text(encoding="utf-8")
+
+
+def test_score_writes_bibliography_and_gallery(execute, tmp_path):
+    assert cli.main(["score", "--out", str(tmp_path / "figures")]) == 0
+    assert set(bibtex((tmp_path / "figures" / "figures.bib").read_text())) == {"tiny", "tbdcore"}
+    page = (tmp_path / "figures" / "README.md").read_text()
+    assert page.index("### tiny/fig1") < page.index("### tiny/table1")
+    assert "- `mean` mean of the draws: published 0.0, **reproduced**" in page
+    links = re.findall(r"\]\(([^)]+)\)", page)
+    assert "../notebooks/01_tiny.ipynb" in links
+    assert all((tmp_path / "figures" / link).is_file() for link in links)
+
+
+@pytest.mark.parametrize("kind", ["pdf", "svg", "png", "csv", "json"])
+def test_which_knows_its_own_files(execute, capsys, tmp_path, kind):
+    code, out, _ = tbdcore(capsys, "which", str(tmp_path / "figures" / "tiny" / f"fig1.{kind}"))
+    assert code == 0
+    for part in ("tiny/fig1\n", "Nine draws", "current", "the same bytes as figures/tiny/fig1.", "remake: tbdcore run tiny\n"):
+        assert part in out
+
+
+@pytest.mark.parametrize("kind", ["pdf", "svg", "png"])
+def test_which_traces_a_stray_file_of_another_run(execute, capsys, tmp_path, kind):
+    execute(out=str(tmp_path / "other"), shift=2.5, n_trials=9)
+    stray = (tmp_path / "other" / "tiny" / f"fig1.{kind}").rename(tmp_path / f"figure_3b.{kind}")
+    code, out, _ = tbdcore(capsys, "which", str(stray))
+    assert code == 0
+    assert "differs from figures/tiny/fig1." in out
+    assert "remake: tbdcore run tiny -p n_trials=9 -p shift=2.5\n" in out
+    claims = tmp_path / "data" / "claims" / "tiny.csv"
+    claims.write_text(claims.read_text().replace("cheap", "dear"))
+    code, out, _ = tbdcore(capsys, "which", str(stray))
+    assert code == 1
+    assert "stale" in out
+
+
+@pytest.mark.parametrize("name", ["README.md", "missing.pdf", "empty.png", "foreign.pdf", "cut.svg"])
+def test_which_refuses_what_is_not_ours_in_one_line(execute, capsys, tmp_path, name):
+    for other, content in {"empty.png": b"", "foreign.pdf": b"%PDF-1.4 /Title (My thesis)", "cut.svg": b"<svg"}.items():
+        (tmp_path / other).write_bytes(content)
+    code, out, err = tbdcore(capsys, "which", name)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert name in err
+
+
+def test_the_same_run_gives_the_same_bytes(execute, tmp_path):
+    first = {file.name: file.read_bytes() for file in (tmp_path / "figures" / "tiny").iterdir()}
+    execute()
+    assert {file.name: file.read_bytes() for file in (tmp_path / "figures" / "tiny").iterdir()} == first
+    assert json.loads(first["fig1.json"])["files"] == ["fig1.pdf", "fig1.svg", "fig1.png", "fig1.csv"]

@@ -1,0 +1,96 @@
+"""The doctor: a healthy machine passes, and each planted fault is one line that says what to do."""
+
+import sys
+
+import pytest
+
+from tbdcore import cli, doctor, paths
+
+
+def test_a_healthy_machine_passes(capsys):
+    assert cli.main(["doctor"]) == 0
+    out, err = capsys.readouterr()
+    assert (out.count("\n"), err) == (6, "")
+
+
+def test_a_lock_is_read_with_its_markers():
+    text = "numpy==2.0 \\\n    --hash=sha256:0\n"
+    text += "old==1.0 ; python_version < '3' \\\n    --hash=sha256:1\nnew==1.1 ; python_version >= '3'\n"
+    assert doctor.locked(text) == {"numpy": "2.0", "new": "1.1"}
+
+
+def test_the_real_lock_is_read_whole():
+    text = paths.LOCK.read_text(encoding="utf-8")
+    assert len(doctor.LOCKED.findall(text)) == sum(
+        "==" in line.partition(";")[0] for line in text.splitlines() if line[:1].isalnum()
+    )
+
+
+def lock(monkeypatch, tmp_path):
+    (tmp_path / "environment.txt").write_text("numpy==0.9\npytest==0.1\nno-such-thing==1.0\nruff==0.1\nscipy==0.1\n")
+    monkeypatch.setattr(paths, "LOCK", tmp_path / "environment.txt")
+
+
+def foreign_kernel(monkeypatch, tmp_path):
+    from jupyter_client.kernelspec import KernelSpecManager
+
+    spec = type("Spec", (), {"argv": ["/usr/lib/other/bin/python"]})
+    monkeypatch.setattr(KernelSpecManager, "get_kernel_spec", lambda *_: spec)
+
+
+def no_kernel(monkeypatch, tmp_path):
+    from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
+
+    def missing(*_):
+        raise NoSuchKernel("python3")
+
+    monkeypatch.setattr(KernelSpecManager, "get_kernel_spec", missing)
+
+
+def closed_folder(monkeypatch, tmp_path):
+    monkeypatch.setattr(doctor, "_writable", lambda folder: folder != paths.figures())
+
+
+def closed_cache(monkeypatch, tmp_path):
+    monkeypatch.setattr(doctor, "_writable", lambda folder: folder.name != "__pycache__")
+
+
+def another_stream(monkeypatch, tmp_path):
+    monkeypatch.setattr(doctor, "STREAM", 1)
+
+
+def wrong_kernel_result(monkeypatch, tmp_path):
+    from tbdcore import kalman
+
+    monkeypatch.setattr(kalman, "predict_cv", lambda x, P, T, q: (x, P + 1))
+
+
+def wrong_workers(monkeypatch, tmp_path):
+    from tbdcore import trials
+
+    real = trials.run
+    monkeypatch.setattr(trials, "run", lambda trial, n, seed, workers: real(trial, n, seed=seed + workers, workers=1))
+
+
+@pytest.mark.parametrize(
+    ("plant", "check", "said"),
+    [
+        (lock, "versions", "numpy is"),
+        (lock, "versions", "no-such-thing is missing"),
+        (lock, "versions", "and 2 more; run: python -m pip install"),
+        (foreign_kernel, "kernel", f"not this Python; make it: {sys.executable} -m ipykernel install"),
+        (no_kernel, "kernel", "no Jupyter kernel python3; make it"),
+        (closed_folder, "folders", "cannot be written; change its permissions"),
+        (closed_cache, "cache", "NUMBA_CACHE_DIR"),
+        (another_stream, "answers", "a random stream begins with"),
+        (wrong_kernel_result, "answers", "a compiled kernel gives"),
+        (wrong_workers, "answers", "one process and two give different numbers"),
+    ],
+)
+def test_each_fault_is_one_line_with_what_to_do(monkeypatch, tmp_path, capsys, plant, check, said):
+    plant(monkeypatch, tmp_path)
+    monkeypatch.setattr(doctor, "CHECKS", (getattr(doctor, check),))
+    assert cli.main(["doctor"]) == 3
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert said in err
