@@ -408,11 +408,12 @@ def events(T, M):
 
 
 def listed_events(inside):
-    """Number of joint events to be listed for gates ``inside`` (T, M) bool, one list per cluster of tracks that share plots.
+    """Numbers of joint events to be listed for gates ``inside`` (T, M) bool: cluster by cluster, and in one list of all tracks.
 
-    Within a cluster the events are counted plot by plot over the sets of tracks served, as ``jipda`` sums their weights.
+    A cluster is connected by shared plots; events of different clusters combine freely.  Within a cluster they are counted plot by
+    plot over the sets of tracks served, as ``jipda`` sums their weights.
     """
-    todo, total = set(range(len(inside))), 0
+    todo, counts = set(range(len(inside))), []
     while todo:
         cluster = _cluster(inside, todo.pop())
         todo -= cluster
@@ -423,8 +424,8 @@ def listed_events(inside):
                 for t in set(np.flatnonzero(plot)) - served:
                     more[served | {t}] = more.get(served | {t}, 0) + count
             ways = more
-        total += sum(ways.values())
-    return total
+        counts.append(sum(ways.values()))
+    return sum(counts), math.prod(counts)
 
 
 def _cluster(inside, t):

@@ -75,13 +75,13 @@ def test_the_number_of_joint_events_is_counted_right():
 
 def test_listed_events_of_clusters():
     apart, shared = np.kron(np.eye(2, dtype=bool), np.ones((1, 3), bool)), np.ones((2, 4), bool)
-    assert association.listed_events(apart) == 4 + 4
-    assert association.listed_events(shared) == association.events(2, 4)
+    assert association.listed_events(apart) == (4 + 4, 4 * 4)
+    assert association.listed_events(shared) == (association.events(2, 4),) * 2
     both = np.zeros((4, 10), bool)
     both[:2, :6], both[2:, 6:] = apart, shared
-    assert association.listed_events(both[[0, 2, 1, 3]]) == 8 + association.events(2, 4)
+    assert association.listed_events(both[[0, 2, 1, 3]]) == (8 + association.events(2, 4), 16 * association.events(2, 4))
     chain = np.array([[1, 1, 0], [0, 1, 1], [0, 0, 0]], bool)  # 1 + 2 + 2 + 3 pairs, and a track without plots
-    assert association.listed_events(chain) == 8 + 1
+    assert association.listed_events(chain) == (8 + 1, 8)
 
 
 def test_jipda_of_certain_tracks_is_jpda():

@@ -1,0 +1,84 @@
+"""Association: single scans, and whole trials of 100 scans with 3 tracks and about 230 plots a scan.
+
+The wanted times stand in the column of the limit: 8 ms for the plots of a trial and one tracker, 1 ms for the exact marginals of
+10 tracks that share 12 plots.  The specification of a trial is the same loop over scans with the dense NumPy formulas; that of
+the exact marginals lists the joint events, which for 10 tracks nobody can, so it is timed on 4 tracks and 6 plots.  The peer is
+Stone Soup's JPDA, where it is installed: 3 tracks that share 5 plots, one scan.
+"""
+
+import importlib.util
+import math
+
+import numpy as np
+
+import tbdcore
+from benchmarks.timing import Row, best
+from tbdcore import association, detection, kalman, motion
+
+PEER = "Stone Soup JPDA"
+
+
+def scene(T, M):
+    """Log ratios of T tracks that all share M plots, existences, detection probabilities."""
+    return np.random.default_rng(T).normal(size=(T, M)), np.full(T, 0.9), np.full(T, 0.9)
+
+
+def numpy_trial(z, p, x, P, F, amplitude):
+    """A whole trial with the specifications: JIPDA by its list of events would not end, so LJIPDA with amplitude."""
+    Q, var_a = motion.step_acceleration(p.T, math.sqrt(p.q)), math.radians(p.sigma_theta_deg) ** 2
+    existence, detect = np.full(3, p.p_start), np.full(3, p.p_detect * p.p_gate)
+    for k in range(1, p.frames):
+        scan = slice(z.first[k], z.first[k + 1])
+        x, P = kalman.predict_tracks_spec(x, P, F[k - 1], Q)
+        zhat, _, D = kalman.gate_tracks_spec(x, P, p.sigma_r**2, var_a)
+        meas, log_p = association.candidates_spec(z.z[scan], zhat, D, p.gamma, p.p_gate)
+        log_a = detection.amplitude_ratio_spec(z.u[scan][meas], amplitude)
+        beta, existence = association.ljipda_spec(log_p - math.log(p.clutter), log_a, p.p11 * existence, detect)
+        x, P = kalman.update_mixture_spec(x, P, D, z.z[scan][meas], beta)
+    return x
+
+
+def peer_seconds():
+    """One scan of 3 tracks and 5 shared plots by the peer, and the same by the subset recursion; None without the peer."""
+    if importlib.util.find_spec("stonesoup") is None:
+        return None
+    from tests.test_peer_jpda import peer_marginals, scan
+
+    where, plots = scan(1, 3, 5)
+    return best(peer_marginals, where, plots, repeat=2)
+
+
+def rows():
+    """Marginals of one scan, then whole trials by every method."""
+    yield Row("association.jipda", "10 tracks share 12 plots", best(association.jipda, *scene(10, 12)), None, 1e-3)
+    small = scene(4, 6)
+    yield Row(
+        "association.jipda", "4 tracks, 6 plots", best(association.jipda, *small), best(association.jipda_spec, *small, repeat=2)
+    )
+    three = best(association.jipda, *scene(3, 5))
+    yield Row(
+        "association.jipda", "3 tracks, 5 plots", three, best(association.jipda_spec, *scene(3, 5)), None, PEER, peer_seconds()
+    )
+    for name in ("ipda", "visibility", "modulated", "prior_odds"):
+        kernel, spec = getattr(association, name), getattr(association, f"{name}_spec")
+        yield Row(f"association.{name}", "10 tracks share 12 plots", best(kernel, *scene(10, 12)), best(spec, *scene(10, 12)))
+    log_ratio, existence, detect = scene(10, 12)
+    args = log_ratio, np.zeros_like(log_ratio), existence, detect
+    yield Row(
+        "association.ljipda", "10 tracks share 12 plots", best(association.ljipda, *args), best(association.ljipda_spec, *args)
+    )
+    yield from trial_rows()
+
+
+def trial_rows():
+    """Plots, one tracker, and both."""
+    page, p = tbdcore.page("ljipda_ai"), tbdcore.page("ljipda_ai").Scenario()
+    z = page.simulate(p, np.random.default_rng(1))
+    work = f"100 scans, {len(z.z) / p.frames:.0f} plots a scan"
+    plots = best(lambda: page.simulate(p, np.random.default_rng(1)))
+    yield Row("page ljipda_ai, plots", work, plots)
+    (x, P), F = page.start_tracks(p, np.random.default_rng(2)), page.course(p)[1]
+    for method in page.METHODS:
+        seconds = best(lambda method=method: page.run(z, p, np.random.default_rng(2), method))
+        spec = best(numpy_trial, z, p, x, P, F, np.full(3, 10.0), repeat=1) if method == "LJIPDA-AI" else None
+        yield Row(f"page ljipda_ai, plots and {method}", f"3 tracks, {work}", plots + seconds, spec, 8e-3)

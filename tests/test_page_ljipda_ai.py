@@ -1,0 +1,124 @@
+"""The page of LJIPDA-AI against answers that do not need it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tbdcore
+
+page = tbdcore.page("ljipda_ai")
+CALM = page.Scenario(clutter=1e-9)
+
+
+def rng(*key):
+    return np.random.default_rng([5, *key])
+
+
+def states(p, method, i=0, plots=None):
+    z = page.simulate(p, rng(i, 0)) if plots is None else plots
+    return page.run(z, p, rng(i, 1), method)
+
+
+def test_targets_meet_in_the_repaired_scenario_only():
+    X = page.course(page.Scenario())[0][page.MEETING - 1, :, ::2]
+    np.testing.assert_allclose(X, X[[0, 0, 0]], atol=1e-6)
+    printed = page.course(page.Scenario(scenario="print"))[0]
+    np.testing.assert_array_equal(np.abs(printed[0, :, ::2]), [[29e3, 35e3]] * 3)
+    assert np.ptp(printed[page.MEETING - 1, :, ::2], axis=0).max() > 5e3
+
+
+def test_turns_keep_the_speed_and_take_the_printed_angle():
+    X = page.course(page.Scenario())[0]
+    np.testing.assert_allclose(np.hypot(X[..., 1], X[..., 3]), np.hypot(X[:1, :, 1], X[:1, :, 3]) * np.ones((100, 1)), rtol=1e-12)
+    heading = np.unwrap(np.arctan2(X[..., 3], X[..., 1]), axis=0)
+    np.testing.assert_allclose(heading[-1] - heading[0], np.array([1, 1, -1]) * (30 * 0.035 - 29 * 0.025), rtol=1e-9)
+
+
+def test_clutter_of_the_union_has_its_density():
+    """About 230 plots a scan where the squares are apart, fewer where they overlap, the same density everywhere."""
+    p = page.Scenario(p_detect=1e-9)
+    counts = np.mean([np.diff(page.simulate(p, rng(i)).first) for i in range(40)], axis=0)
+    apart = 3 * 1600.0**2 * p.clutter
+    assert counts[:60].mean() == pytest.approx(apart, abs=4 * math.sqrt(apart / 2400))
+    area = 1600.0**2 * p.clutter  # all three squares stand on one point, turned alike
+    assert counts[page.MEETING - 1] == pytest.approx(area, abs=4 * math.sqrt(area / 40))
+
+
+def test_amplitudes_follow_their_laws():
+    p = page.Scenario(p_detect=1 - 1e-12, clutter=1e-12)
+    u = np.concatenate([page.simulate(p, rng(i)).u for i in range(30)])
+    assert u.mean() == pytest.approx(11.0, abs=4 * 11 / math.sqrt(u.size))
+    noise = page.simulate(page.Scenario(p_detect=1e-12), rng(1)).u
+    assert noise.mean() == pytest.approx(1.0, abs=4 / math.sqrt(noise.size))
+
+
+def test_zero_level_is_the_tracker_without_amplitude_bit_for_bit():
+    p = page.Scenario(assumed_db=-math.inf)
+    z = page.simulate(p, rng(2))
+    for with_amplitude, without in (("LJIPDA-AI", "LJIPDA"), ("JIPDA-AI", "JIPDA")):
+        for ours, theirs in zip(states(p, with_amplitude, 2, z), states(p, without, 2, z), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_without_clutter_the_error_reaches_the_bound():
+    """No clutter, q = 0: a Kalman filter with the noise at the predicted position; the bound is slightly below."""
+    from tbdcore import kalman
+
+    p = replace(CALM, q=0.0, init_position=50.0)
+    X, F = page.course(p)
+    error = np.array([states(p, "LJIPDA", i)[0][-1] - X[-1] for i in range(300)])[..., ::2]
+    var = np.diag([p.sigma_r**2, math.radians(p.sigma_theta_deg) ** 2])
+    R = np.array([[kalman.polar_noise(w, var) for w in scan] for scan in kalman.polar(X)])
+    bound = kalman.position_bound(F, R, page.start_covariance(p), p.p_detect)[-1]
+    trace = np.array(
+        [np.linalg.solve(b[::2, ::2], e.T @ e).trace() / 600 for b, e in zip(bound, error.transpose(1, 0, 2), strict=True)]
+    )
+    assert (trace > 1 - 4 * math.sqrt(1 / 300)).all()
+    assert (trace < 1.35).all()
+
+
+def test_methods_are_one_where_nothing_is_shared():
+    p = page.Scenario(clutter=1e-5, scenario="print")
+    z = page.simulate(p, rng(3))
+    alone = states(p, "IPDA", 3, z)[0]
+    for method in ("JIPDA", "LJIPDA"):
+        np.testing.assert_allclose(states(p, method, 3, z)[0], alone, rtol=1e-8)
+
+
+def test_empty_radar_kills_the_tracks():
+    p = page.Scenario(p_detect=1e-12, clutter=1e-15)
+    z = page.simulate(p, rng(4))
+    assert len(z.z) == 0
+    found, alive = page.run(z, replace(p, p_detect=0.95), rng(4), "LJIPDA-AI")
+    D, P = 0.95 * p.p_gate, p.p_start
+    for k in range(1, 6):
+        P = p.p11 * P
+        P = (1 - D) * P / (1 - D * P)
+        np.testing.assert_allclose(alive[k], P, rtol=1e-12)
+    assert np.isfinite(found).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"clutter": -1e-5}, "clutter density -1e-05 must be positive"),
+        ({"p_detect": 1.2}, "detection probability"),
+        ({"p_start": 0.0}, "existence probability 0 of track 0"),
+        ({"init_position": 0.0, "init_speed": 0.0}, "singular"),
+    ],
+)
+def test_bad_scenarios_are_refused_in_one_line(change, words):
+    z = page.simulate(page.Scenario(), rng(5))
+    with pytest.raises((ValueError, np.linalg.LinAlgError), match=words) as caught:
+        page.run(z, page.Scenario(**change), rng(6))
+    assert "\n" not in str(caught.value)
+
+
+def test_plots_that_are_not_finite_are_refused():
+    p = page.Scenario()
+    z = page.simulate(p, rng(7))
+    z.z[3, 1] = np.nan
+    with pytest.raises(ValueError, match="plot 3 is .* not finite"):
+        page.run(z, p, rng(7))
