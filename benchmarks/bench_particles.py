@@ -70,12 +70,11 @@ def cloud():
 def kernels():
     """Arguments of the four kernels."""
     rng, S, r, z = cloud()
-    after = motion.regimes(r, PI, rng.random(N))
-    moves = np.bincount(3 * r + after, minlength=9)
+    after, moves = motion.regimes(r, PI, rng.random(N))
     a = rng.normal(0.0, 0.1, (np.count_nonzero(after), 2))
     W, _ = particles.normalise(sensor.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE))
     yield sensor.blob_log_ratio, sensor.blob_log_ratio_spec, (z, S, r, PEAK, BLUR, NOISE)
-    yield motion.advance, motion.advance_spec, (S, r, after, a, np.empty((0, 5)), np.full(moves[5], 0.3), 1.0)
+    yield motion.advance, motion.advance_spec, (S, r, after, a, np.empty((0, 5)), np.full(moves[1, 2], 0.3), 1.0)
     yield motion.regimes, motion.regimes_spec, (r, PI, rng.random(N))
     yield particles.systematic, particles.systematic_spec, (W, N // 2, 0.3)
 

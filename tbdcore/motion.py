@@ -78,24 +78,29 @@ def check_transitions(Pi):
 
 def regimes_spec(r, Pi, u):
     """Specification of :func:`regimes`: invert the cumulative row of every particle."""
-    C = np.cumsum(Pi, axis=1)
-    return (u[:, None] >= C[r, :-1]).sum(axis=1)
+    after = (u[:, None] >= np.cumsum(Pi, axis=1)[r, :-1]).sum(axis=1)
+    R = len(Pi)
+    return after, np.bincount(R * r + after, minlength=R * R).reshape(R, R)
 
 
 @kernel
 def regimes(r, Pi, u):
-    """Next regime (N,) of every particle.
+    """Next regime (N,) of every particle, and how many went from each regime to each, (R, R).
 
     r : (N,) int64 regimes; Pi : (R, R) transition probabilities, rows from; u : (N,) uniform draws in [0, 1).
     """
     C = Pi.copy()
     for b in range(1, Pi.shape[1]):
         C[:, b] += C[:, b - 1]
-    out = np.zeros(r.size, np.int64)
+    out = np.empty(r.size, np.int64)
+    moves = np.zeros(Pi.shape, np.int64)
     for n in range(r.size):
+        after = 0
         for b in range(Pi.shape[1] - 1):
-            out[n] += u[n] >= C[r[n], b]
-    return out
+            after += u[n] >= C[r[n], b]
+        out[n] = after
+        moves[r[n], after] += 1
+    return out, moves
 
 
 def advance_spec(S, before, r, a, born, omega, T):

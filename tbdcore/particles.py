@@ -43,9 +43,11 @@ def normalise(lw):
     top = lw.max(initial=-np.inf)
     if not np.isfinite(top):
         raise ValueError(f"log-weights: largest of {lw.size} is {top}; at least one must be finite and none NaN or inf")
-    W = np.exp(lw - top)
+    W = lw - top
+    np.exp(W, out=W)
     total = W.sum()
-    return W / total, float(top + np.log(total / lw.size))
+    W /= total
+    return W, float(top + np.log(total / lw.size))
 
 
 def effective_size(W):
@@ -90,6 +92,9 @@ def systematic(W, M, u):
     W : (N,) weights, non-negative, at least one positive; their sum is taken as it comes.
     M : number of copies wanted.
     u : offset in [0, 1), one draw.
+
+    Particle n is an ancestor until its end, the cumulative sum, has passed the arrow.  So the ends are counted between the
+    arrows, and the ancestor of an arrow is the number of ends before it: no branch depends on where the weight is.
     """
     total = 0.0
     last = 0
@@ -97,15 +102,21 @@ def systematic(W, M, u):
         total += W[n]
         if W[n] > 0.0:
             last = n
-    step = total / M
+    step, dense = total / M, M / total
+    passed = np.zeros(M + 1, np.int64)  # passed[m]: particles that end between arrow m - 1 and arrow m
+    c = 0.0
+    for n in range(last):
+        c += W[n]
+        m = min(int(c * dense - u + 1.0), M)
+        while m < M and (m + u) * step < c:
+            m += 1
+        while m > 0 and (m - 1 + u) * step >= c:
+            m -= 1
+        passed[m] += 1
     ancestors = np.empty(M, np.int64)
     n = 0
-    c = W[0]
     for m in range(M):
-        arrow = (m + u) * step
-        while c <= arrow and n < last:
-            n += 1
-            c += W[n]
+        n += passed[m]
         ancestors[m] = n
     return ancestors
 

@@ -104,7 +104,8 @@ def blob_log_ratio(z, S, r, peak, blur, noise):
         dx, dy = i - x, j - y
         centre = math.exp(-0.5 * k * (dx * dx + dy * dy))
         q, p = math.exp(-k * dx), math.exp(-k * dy)
-        u, v = 1.0 / q, 1.0 / p
+        both = 1.0 / (q * p)
+        u, v = both * p, both * q  # 1 / q and 1 / p
         a, b, c, d = u * u * two * (i > 2), u * one * (i > 1), q * one * (i < nx), q * q * two * (i < nx - 1)
         e, f, g, h = v * v * two * (j > 2), v * one * (j > 1), p * one * (j < ny), p * p * two * (j < ny - 1)
         match = a * _row(framed, i - 1, j - 1, e, f, g, h) + b * _row(framed, i, j - 1, e, f, g, h)

@@ -36,8 +36,10 @@ def test_regimes_reach_the_stationary_distribution():
     rng = np.random.default_rng(5)
     r = np.zeros(40_000, np.int64)
     for _ in range(60):
-        r = motion.regimes(r, PI, rng.random(r.size))
+        before, (r, moves) = r, motion.regimes(r, PI, rng.random(r.size))
     share = np.bincount(r, minlength=3) / r.size
+    assert moves[1, 2] == np.count_nonzero((before == 1) & (r == 2))
+    assert moves.sum() == r.size
     assert np.allclose(share, [0.5, 0.25, 0.25], rtol=0, atol=4 * 0.5 / 200)
     assert np.allclose(np.sort(np.linalg.eigvals(PI)), [0.7, 0.8, 1.0], rtol=1e-12)
 
