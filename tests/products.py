@@ -1,0 +1,111 @@
+"""The committed products against those of a fresh execution of the notebooks, and what is made from them.
+
+`make test` executes the notebooks with nbval first, their products in build/nbval, and then runs this file by its name
+(``pytest tests/products.py``); it is not collected otherwise.  Data, tables and verdicts must agree line by line; the last of
+six digits may differ by one, since on another CPU a sum may end in another bit.  Pictures are not compared.
+"""
+
+import json
+import re
+
+import pytest
+
+from tbdcore import claims, cli, pages, paths
+
+FRESH = paths.BUILD / "nbval"
+TEXT = (".csv", ".md", ".tex", ".json")
+ONE_IN_THE_SIXTH_DIGIT = 1.1e-5
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
+
+
+def text_files(folder):
+    """Names of the files in a folder that are compared."""
+    return {path.name for path in folder.iterdir() if path.suffix in TEXT}
+
+
+def lines(path):
+    """Lines of a file; of a JSON file without the parts that tell versions apart."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".json":
+        about = {key: value for key, value in json.loads(text).items() if key not in ("versions", "sources")}
+        text = json.dumps(about, indent=1, ensure_ascii=False)
+    return text.splitlines()
+
+
+def same(ours, theirs):
+    """Whether two lines agree, numbers to the sixth digit."""
+    if ours == theirs:
+        return True
+    numbers = [[float(number) for number in NUMBER.findall(line)] for line in (ours, theirs)]
+    if NUMBER.sub("#", ours) != NUMBER.sub("#", theirs) or len(numbers[0]) != len(numbers[1]):
+        return False
+    return all(abs(a - b) <= ONE_IN_THE_SIXTH_DIGIT * max(abs(a), abs(b)) for a, b in zip(*numbers, strict=True))
+
+
+def first_difference(committed, fresh):
+    """The first line in which two files differ, told in words, or nothing."""
+    ours, theirs = lines(committed), lines(fresh)
+    for number, (a, b) in enumerate(zip(ours, theirs, strict=False), start=1):
+        if not same(a, b):
+            return f"{committed.relative_to(paths.ROOT)}, line {number}: committed {a!r}, computed again {b!r}"
+    if len(ours) != len(theirs):
+        return f"{committed.relative_to(paths.ROOT)}: committed {len(ours)} lines, computed again {len(theirs)}"
+    return ""
+
+
+@pytest.mark.parametrize("paper", pages.papers())
+def test_products_are_those_of_the_notebook(paper):
+    committed, fresh = paths.PRODUCTS / paper, FRESH / paper
+    assert fresh.is_dir(), f"{fresh} is missing: execute the notebooks first (make test)"
+    assert text_files(committed) == text_files(fresh)
+    for name in sorted(text_files(committed)):
+        difference = first_difference(committed / name, fresh / name)
+        assert not difference, difference
+
+
+@pytest.mark.parametrize("paper", pages.papers())
+def test_every_product_is_complete(paper):
+    """What a JSON announces is there, and no picture is without its JSON."""
+    folder = paths.PRODUCTS / paper
+    for about in folder.glob("*.json"):
+        kinds = {path.suffix for path in folder.glob(f"{about.stem}.*")}
+        assert kinds >= {".pdf", ".svg", ".png"} or kinds >= {".csv", ".md", ".tex"}, about.name
+        assert json.loads(about.read_text(encoding="utf-8"))["id"] == f"{paper}/{about.stem}"
+    names = {path.stem for path in folder.iterdir()} - {"verdicts"}
+    assert names == {path.stem for path in folder.glob("*.json")}
+
+
+@pytest.mark.parametrize("paper", pages.papers())
+def test_products_were_made_from_these_sources(paper):
+    """Their numbers are compared above; an old hash alone (of a changed comment, say) is a remark in the summary only."""
+    now = pages.sources(paper)
+    made = [json.loads(about.read_text(encoding="utf-8"))["sources"] for about in (paths.PRODUCTS / paper).glob("*.json")]
+    if set(made) != {now}:
+        pytest.xfail(
+            f"{paper}: the sources have changed since the products were made; refresh them: tbdcore run {paper} --in-place"
+        )
+
+
+def test_scorecard_and_readme_are_current(capsys):
+    assert cli.main(["score", "--check"]) == 0, capsys.readouterr().err
+
+
+def test_the_scorecard_has_every_row_of_every_claims_file():
+    rows = (paths.PRODUCTS / "scorecard.csv").read_text(encoding="utf-8").count("\n") - 1
+    assert rows == sum(len(claims.read(paper)) for paper in claims.papers())
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "agree"),
+    [
+        ("a,0.333333", "a,0.333334", True),
+        ("a,0.333333", "a,0.333343", False),
+        ("fig2,1", "fig3,1", False),
+        ("x,1,2", "x,1", False),
+        ("differs", "reproduced", False),
+        ("-1e-05,nan", "-1.00001e-05,nan", True),
+        ("-1", "1", False),
+    ],
+)
+def test_what_counts_as_the_same_line(ours, theirs, agree):
+    assert same(ours, theirs) == agree

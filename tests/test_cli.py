@@ -1,0 +1,241 @@
+"""The command line: exit codes, errors of one line, and figures that only a good default run may touch."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+import tiny
+
+from tbdcore import cli, paths
+
+VERDICTS = """id,item,quantity,published,measured,se,n,verdict,cause
+mean,Table 1,mean of the draws,0.0,0.01,0.05,400,reproduced,
+order,text,shifted draws are larger,larger,margin 1.00,0.05,400,reproduced,
+price,text,price,cheap,,,,untestable,An opinion.
+"""
+TABLE = """<!-- scorecard -->
+| paper | notebook | reproduced | the rest | run time |
+| --- | --- | --- | --- | --- |
+| Means (the tiny paper) | [01_tiny](notebooks/01_tiny.ipynb) | 2 of 3 | 1 untestable |  |
+<!-- /scorecard -->
+"""
+
+
+def said(capsys, code, *words):
+    """The single line that a command complained in, with its exit code checked."""
+    assert cli.main([str(word) for word in words]) == code
+    out, err = capsys.readouterr()
+    assert err.count("\n") == 1, err
+    assert err.startswith("tbdcore: ")
+    assert "Traceback" not in out + err
+    return err
+
+
+USAGE = {
+    "no command": ([], "required: command"),
+    "unknown command": (["rum"], "invalid choice: 'rum'"),
+    "unknown option": (["run", "--fast"], "--fast"),
+    "unknown paper": (["run", "tinny"], "the nearest is 'tiny'"),
+    "unknown parameter": (["run", "tiny", "-p", "n_trails=5"], "the nearest is 'n_trials'"),
+    "no value": (["run", "tiny", "-p", "n_trials"], "write -p name=value"),
+    "wrong type": (["run", "tiny", "-p", "n_trials=many"], "'many' is str; give int"),
+    "fraction of a trial": (["run", "tiny", "-p", "n_trials=2.5"], "2.5 is float; give int"),
+    "zero trials": (["run", "tiny", "-p", "n_trials=0"], "0 is out of range"),
+    "out of range": (["run", "tiny", "-p", "pause=61"], "in [0, 60]"),
+    "code for a value": (["run", "tiny", "-p", "n_trials=__import__('os').getpid()"], "is str; give int"),
+    "negative workers": (["run", "tiny", "--workers", "-1"], "workers"),
+    "workers no number": (["run", "tiny", "--workers", "two"], "invalid int value: 'two'"),
+    "in place, not the default": (["run", "tiny", "--in-place", "-p", "shift=2"], "drop -p"),
+}
+
+
+@pytest.mark.parametrize(("words", "message"), USAGE.values(), ids=USAGE)
+def test_bad_usage_is_one_line_and_code_2(repository, capsys, words, message):
+    assert message in said(capsys, 2, *words)
+    assert not (repository / "build").exists() or not list((repository / "build").rglob("*.ipynb")), "nothing was started"
+
+
+def test_one_bad_paper_stops_all_before_the_first_starts(repository, capsys):
+    assert "tinny" in said(capsys, 2, "run", "tiny", "tinny")
+
+
+@pytest.mark.parametrize("out", ["/no/such/folder/here", "README.md", "README.md/below"])
+def test_a_folder_that_cannot_be_written(repository, capsys, monkeypatch, out):
+    monkeypatch.chdir(repository)
+    assert f"output folder {out}" in said(capsys, 2, "run", "tiny", "--out", out)
+
+
+def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys):
+    pytest.importorskip("distributed")
+    assert "no dask scheduler answers" in said(capsys, 3, "run", "tiny", "--scheduler", "tcp://127.0.0.1:9")
+
+
+def test_a_spoilt_claims_file_fails_the_score_and_is_named(repository, capsys):
+    (paths.CLAIMS / "tiny.csv").write_text(tiny.CLAIMS.replace("\n", "\r\n"))
+    enter(repository, VERDICTS)
+    assert "tiny.csv, row" in said(capsys, 1, "score")
+
+
+def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeypatch):
+    def missing(arguments):
+        raise ModuleNotFoundError("No module named 'papermill'")
+
+    monkeypatch.setattr(cli, "_run", missing)
+    assert "papermill" in said(capsys, 3, "run")
+
+
+def test_help_is_no_error(capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["run", "--help"])
+    assert caught.value.code == 0
+    assert "--quick" in capsys.readouterr().out
+
+
+def enter(repository, text, folder="figures"):
+    """Put a verdicts.csv into a folder of products."""
+    (repository / folder / "tiny").mkdir(parents=True, exist_ok=True)
+    (repository / folder / "tiny" / "verdicts.csv").write_text(text)
+
+
+def test_score_writes_scorecard_and_table(repository, capsys):
+    enter(repository, VERDICTS)
+    paths.README.write_text("# Before\n\n<!-- scorecard -->\nold\n<!-- /scorecard -->\n\nAfter.\n")
+    assert cli.main(["score"]) == 0
+    assert paths.README.read_text() == f"# Before\n\n{TABLE}\nAfter.\n"
+    card = (repository / "figures" / "scorecard.csv").read_text().splitlines()
+    assert card[0].startswith("paper,id,item,")
+    assert len(card) == 1 + 3
+    assert capsys.readouterr().out == (repository / "figures" / "scorecard.md").read_text()
+    assert cli.main(["score", "--check"]) == 0
+
+
+def test_score_finds_a_missing_claim(repository, capsys):
+    enter(repository, VERDICTS.replace("price,text,price,cheap,,,,untestable,An opinion.\n", ""))
+    assert "do not match in price" in said(capsys, 1, "score")
+    assert not (repository / "figures" / "scorecard.csv").exists()
+
+
+def test_score_without_verdicts_says_how_to_make_them(repository, capsys):
+    assert "tbdcore run tiny" in said(capsys, 1, "score")
+
+
+def test_score_tells_a_changed_verdict_once(repository, capsys):
+    enter(repository, VERDICTS)
+    assert cli.main(["score"]) == 0
+    capsys.readouterr()
+    enter(repository, VERDICTS.replace("0.05,400,reproduced,\nprice", "0.05,400,differs,a slip\nprice"))
+    assert "tiny order was reproduced, is differs" in said(capsys, 1, "score")
+    assert cli.main(["score"]) == 0
+
+
+def test_check_writes_nothing_and_finds_what_is_stale(repository, capsys):
+    enter(repository, VERDICTS)
+    before = paths.README.read_bytes()
+    assert "README.md" in said(capsys, 1, "score", "--check")
+    assert paths.README.read_bytes() == before
+    assert not (repository / "figures" / "scorecard.csv").exists()
+
+
+def test_a_readme_without_markers_is_named(repository, capsys):
+    enter(repository, VERDICTS)
+    paths.README.write_text("# Nothing\n")
+    assert "<!-- /scorecard -->" in said(capsys, 2, "score")
+
+
+def test_score_of_another_folder_leaves_the_readme_alone(repository, capsys):
+    enter(repository, VERDICTS, "build/try")
+    before = paths.README.read_bytes()
+    assert cli.main(["score", "--out", str(repository / "build" / "try")]) == 0
+    assert paths.README.read_bytes() == before
+    assert (repository / "build" / "try" / "scorecard.csv").is_file()
+
+
+# From here on notebooks are executed, each in a process of its own.
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """A small repository after a default run."""
+    folder = tmp_path_factory.mktemp("cli") / "repository"
+    folder.mkdir()
+    run = tiny.repository(folder)
+    assert run("run").returncode == 0
+    return folder
+
+
+@pytest.fixture
+def folder(ran, tmp_path):
+    return shutil.copytree(ran, tmp_path / "repository")
+
+
+def tbdcore(folder, *words):
+    return subprocess.run(tiny.command(*words), cwd=folder, env=tiny.environment(folder), capture_output=True, text=True)
+
+
+def products(folder):
+    """Every file under figures/, its bytes and its time."""
+    return {file: (file.read_bytes(), file.stat().st_mtime_ns) for file in (folder / "figures").rglob("*") if file.is_file()}
+
+
+def test_a_second_run_gives_the_same_bytes_and_a_clean_notebook(folder):
+    made = products(folder)
+    assert len(made) == 10
+    assert tbdcore(folder, "run", "tiny", "--in-place", "--workers", "2").returncode == 0
+    again = products(folder)
+    assert {file: content for file, (content, _) in again.items()} == {file: content for file, (content, _) in made.items()}
+    text = (folder / "notebooks" / "01_tiny.ipynb").read_text(encoding="utf-8")
+    assert [cell["execution_count"] for cell in json.loads(text)["cells"]] == list(range(1, 9))
+    assert "papermill" not in text
+    assert text.endswith("}\n")
+
+
+def test_quick_never_touches_the_figures(folder):
+    made = products(folder)
+    quick = tbdcore(folder, "run", "--quick")
+    assert quick.returncode == 0, quick.stderr
+    assert products(folder) == made
+    about = json.loads((folder / "build" / "quick" / "tiny" / "fig1.json").read_text())
+    assert about["trials"] == 40
+
+
+def test_other_parameters_never_touch_the_figures(folder):
+    made = products(folder)
+    assert tbdcore(folder, "run", "-p", "n_trials=1e2").returncode == 0
+    assert products(folder) == made
+    assert json.loads((folder / "build" / "run" / "tiny" / "fig1.json").read_text())["trials"] == 100
+
+
+def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
+    made = products(folder)
+    cells = tiny.CELLS | {"publish": "claims.verdicts.popitem()\nfigures.publish(claims)"}
+    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
+    failed = tbdcore(folder, "run")
+    assert failed.returncode == 1
+    assert failed.stderr.count("\n") == 1
+    assert "tiny, cell 8: ValueError: tiny: no verdict on 1 of 3 claims: price" in failed.stderr
+    assert products(folder) == made
+    assert not [file for file in folder.rglob("*.part*") if file.is_file()]
+    assert (folder / "build" / "01_tiny.failed.ipynb").is_file()
+
+
+def test_plain_papermill_refuses_a_misspelt_parameter(folder):
+    """Papermill itself would run it with the default and report success; the notebook's own first call does not."""
+    words = [
+        "papermill",
+        "notebooks/01_tiny.ipynb",
+        "build/try.ipynb",
+        "-k",
+        "python3",
+        "-p",
+        "n_trails",
+        "5",
+        "-p",
+        "out",
+        "build/try",
+    ]
+    run = subprocess.run([sys.executable, "-m", *words], cwd=folder, env=tiny.environment(folder), capture_output=True, text=True)
+    assert run.returncode != 0
+    assert "the nearest is 'n_trials'" in run.stderr
+    assert not (folder / "build" / "try" / "tiny").exists()

@@ -1,0 +1,156 @@
+"""What may import what, what may lie where, and what no committed file may contain."""
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from tbdcore import paths
+
+NUMERICAL = {"motion", "sensor", "detection", "particles", "kalman", "association", "dynprog"}
+FOREIGN_TO_NUMBERS = {"matplotlib", "pandas", "tqdm", "papermill", "loky", "distributed", "nbformat", "IPython", "cloudpickle"}
+FOLDERS = {".ci", "benchmarks", "data", "figures", "notebooks", "tbdcore", "tests"}
+FILES = {".gitignore", "CITATION.cff", "LICENSE", "LICENSE-TEXT", "Makefile", "README.md", "environment.txt", "pyproject.toml"}
+MODULES = sorted(path.stem for path in paths.PACKAGE.glob("*.py"))
+HARNESS = set(MODULES) - NUMERICAL - {"__init__"}
+
+
+def imports(module):
+    """Packages that a module imports, and the modules of this package among them, wherever in the file."""
+    tree = ast.parse((paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8"))
+    packages, own = set(), set()
+    for node in ast.walk(tree):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+        origin = [node.module or ""] if isinstance(node, ast.ImportFrom) else names
+        packages |= {name.partition(".")[0] for name in origin}
+        if isinstance(node, ast.ImportFrom) and node.module == "tbdcore":
+            own |= set(names)
+        own |= {name.partition(".")[2] for name in origin if name.startswith("tbdcore.")}
+    return packages - {"tbdcore"}, own & set(MODULES)
+
+
+def tracked():
+    """The committed files, as they are in the working tree."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=paths.ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("no git repository here: nothing lists the committed files")
+    return [paths.ROOT / name for name in listed.stdout.split("\0") if name and (paths.ROOT / name).is_file()]
+
+
+def test_the_numerical_modules_are_all_there():
+    assert set(MODULES) >= NUMERICAL
+
+
+@pytest.mark.parametrize("module", sorted(NUMERICAL))
+def test_numerical_modules_import_numbers_only(module):
+    packages, own = imports(module)
+    assert packages <= {"numpy", "scipy", "numba", *sys.stdlib_module_names}
+    assert own <= NUMERICAL
+
+
+@pytest.mark.parametrize("module", sorted(HARNESS))
+def test_harness_modules_know_no_physics(module):
+    packages, own = imports(module)
+    assert not own & NUMERICAL or module == "doctor"  # its self-test runs a kernel
+    if module != "figures":
+        assert "matplotlib" not in packages, "only figures draws"
+
+
+def test_score_needs_numbers_only():
+    """It may judge anything, a peer library's output included."""
+    packages, own = imports("score")
+    assert not packages & FOREIGN_TO_NUMBERS
+    assert own == set()
+
+
+def test_importing_a_numerical_module_does_not_load_the_harness():
+    code = (
+        "import sys, tbdcore.kalman; print(sorted(name for name in sys.modules if name.split('.')[0] in ('matplotlib', 'pandas')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_one_decorator_and_no_hidden_randomness(module):
+    source = (paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8")
+    if module != "__init__":
+        assert not re.search(r"\bn?jit\(|@n?jit\b|\bprange\(|fastmath\s*=", source), "tbdcore.kernel is the one decorator"
+    assert not re.search(r"default_rng\(|np\.random\.(seed|normal|uniform|rand)\b", source), "a generator is an argument"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_module_opens_with_a_docstring(module):
+    assert ast.get_docstring(ast.parse((paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8")))
+
+
+def test_every_path_is_written_in_one_module():
+    for module in set(MODULES) - {"paths"}:
+        source = (paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8")
+        assert not re.search(r"parents\[|Path\(__file__\)", source), module
+
+
+def test_the_top_level_holds_what_the_readme_lists():
+    assert {path.relative_to(paths.ROOT).parts[0] for path in tracked()} <= FOLDERS | FILES
+
+
+def test_every_folder_explains_itself():
+    for folder in FOLDERS - {".ci", "tbdcore"}:  # scripts with a heading each; a package with a docstring
+        assert (paths.ROOT / folder / "README.md").is_file(), folder
+
+
+# Written in pieces, so that this file does not hold them itself.
+PRIVATE = [
+    r"/(?:root|home|Users)/\w",
+    "/wo" + "rk/",
+    "/tm" + "p/tbd",
+    "/opt/" + r"\w",
+    r"C:\\\\",
+    "index-" + "url http",
+    "find-" + "links",
+]
+HOSTS = [r"pypi\." + "org", r"files\.python" + "hosted", r"https?://[^/\s\"']*(?:artifactory|nexus|devpi|mirror)"]
+
+
+def test_no_committed_file_knows_a_machine_or_a_registry():
+    found = re.compile("|".join(PRIVATE + HOSTS))
+    for path in tracked():
+        if path.suffix in (".png", ".pdf"):
+            continue  # the bytes of pictures hold anything; their metadata is tested in test_figures
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+            assert not found.search(line), f"{path.relative_to(paths.ROOT)}, line {number}: {found.search(line)[0]}"
+
+
+def test_the_lock_pins_everything_with_hashes():
+    text = paths.LOCK.read_text(encoding="utf-8")
+    entries = re.split(r"\n(?=[A-Za-z0-9])", text.strip())
+    for entry in entries:
+        name = entry.split()[0]
+        assert re.fullmatch(r"[A-Za-z0-9_.\-]+==[^\s;]+", name), name
+        assert "--hash=sha256:" in entry, name
+
+
+def test_the_lock_holds_every_dependency():
+    project = tomllib.loads((paths.ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = project["project"]["optional-dependencies"].values()
+    wanted = [
+        *project["project"]["dependencies"],
+        *(name for extra in extras for name in extra),
+        *project["build-system"]["requires"],
+    ]
+    locked = set(re.findall(r"^([A-Za-z0-9_.\-]+)==", paths.LOCK.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    names = {re.match(r"[A-Za-z0-9_.\-]+", name)[0].lower().replace("_", "-") for name in wanted}
+    assert names <= {name.lower().replace("_", "-") for name in locked}
+
+
+def test_readme_names_every_module():
+    text = paths.README.read_text(encoding="utf-8")
+    for module in set(MODULES) - {"__init__", "paths"}:
+        assert re.search(rf"\b{module}\b", text), module
+
+
+def test_every_link_of_the_readme_leads_somewhere():
+    for target in re.findall(r"\]\(([^)#]+)\)", paths.README.read_text(encoding="utf-8")):
+        assert target.startswith("https://") or (paths.ROOT / target).exists(), target
