@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Row(NamedTuple):
-    """One kernel: its work, its seconds per call, and those of its specification, the machine's limit and a peer (None: does not apply)."""
+    """One kernel: its work, its seconds per call, and those of its specification, its limit and a peer (None: does not apply)."""
 
     kernel: str
     work: str
