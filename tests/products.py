@@ -13,6 +13,7 @@ import pytest
 from tbdcore import claims, cli, pages, paths
 
 FRESH = paths.BUILD / "nbval"
+PAGES = sorted({*pages.papers(), *(path.name for path in paths.PRODUCTS.iterdir() if path.is_dir())})  # the index has products too
 TEXT = (".csv", ".md", ".tex", ".json")
 ONE_IN_THE_SIXTH_DIGIT = 1.1e-5
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
@@ -53,7 +54,7 @@ def first_difference(committed, fresh):
     return ""
 
 
-@pytest.mark.parametrize("paper", pages.papers())
+@pytest.mark.parametrize("paper", PAGES)
 def test_products_are_those_of_the_notebook(paper):
     committed, fresh = paths.PRODUCTS / paper, FRESH / paper
     assert fresh.is_dir(), f"{fresh} is missing: execute the notebooks first (make test)"
@@ -63,7 +64,7 @@ def test_products_are_those_of_the_notebook(paper):
         assert not difference, difference
 
 
-@pytest.mark.parametrize("paper", pages.papers())
+@pytest.mark.parametrize("paper", PAGES)
 def test_every_product_is_complete(paper):
     """What a JSON announces is there, and no picture is without its JSON."""
     folder = paths.PRODUCTS / paper
@@ -75,7 +76,7 @@ def test_every_product_is_complete(paper):
     assert names == {path.stem for path in folder.glob("*.json")}
 
 
-@pytest.mark.parametrize("paper", pages.papers())
+@pytest.mark.parametrize("paper", PAGES)
 def test_products_were_made_from_these_sources(paper):
     """Their numbers are compared above; an old hash alone (of a changed comment, say) is a remark in the summary only."""
     now = pages.sources(paper)
