@@ -43,7 +43,7 @@ def main(argv=None):
     except (OSError, ModuleNotFoundError) as error:
         return _complain(error, ENVIRONMENT)
     except KeyboardInterrupt:
-        return _complain("interrupted; nothing was replaced", 130)
+        return _complain("interrupted; finished papers are kept, nothing is half written", 130)
 
 
 def _complain(error, code):

@@ -318,6 +318,8 @@ _TEX = {
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
 }
+_LETTERS = "alpha beta gamma delta eta theta kappa lambda mu pi rho sigma tau phi chi omega Delta Lambda Sigma Omega le ge times to"
+_TEX |= {c: rf"\ensuremath{{\{name}}}" for c, name in zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→", _LETTERS.split(), strict=True)}
 
 
 def latex(frame):

@@ -128,7 +128,7 @@ def test_an_interrupted_run_leaves_no_process_and_no_half_written_file(tbdcore, 
     time.sleep(1)
     run.send_signal(sent)
     out, err = run.communicate(timeout=60)
-    assert (run.returncode, err) == (130, "tbdcore: interrupted; nothing was replaced\n")
+    assert (run.returncode, err) == (130, "tbdcore: interrupted; finished papers are kept, nothing is half written\n")
     assert not [process for process in seen if process.is_running()]
     assert products(folder) == made
     assert not [file for file in (folder / "build").rglob("*") if ".part" in file.name or file.parent.name == "tiny"]

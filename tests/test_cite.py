@@ -7,7 +7,7 @@ import tomllib
 import pytest
 import tiny
 
-from tbdcore import cite, cli, paths
+from tbdcore import cite, cli, figures, paths
 
 ALL = tomllib.loads((tiny.ROOT / "data" / "papers.toml").read_text(encoding="utf-8"))
 
@@ -42,6 +42,10 @@ def test_latex_of_a_figure_and_of_a_table(execute, capsys):
     for text in (figure, table):
         assert re.findall(r"\\begin\{(\w+)\}", text) == re.findall(r"\\end\{(\w+)\}", text)
         assert re.sub(r"\\.", "", text).count("{") == re.sub(r"\\.", "", text).count("}")
+
+
+def test_letters_that_pdftex_cannot_set_become_mathematics():
+    assert figures.tex("λ ≤ 2 & $λ$") == r"\ensuremath{\lambda} \ensuremath{\le} 2 \& $λ$"
 
 
 def test_paths_are_those_of_the_folder_where_the_report_is(execute, capsys, monkeypatch, tmp_path):
