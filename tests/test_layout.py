@@ -107,7 +107,7 @@ PRIVATE = [
     "/wo" + "rk/",
     "/tm" + "p/tbd",
     "/opt/" + r"\w",
-    r"C:\\\\",
+    r"\bC:[\\]",
     "index-" + "url http",
     "find-" + "links",
 ]
