@@ -12,24 +12,24 @@ from scipy import ndimage
 from benchmarks.timing import Row, best
 from tbdcore import dynprog, kernel
 
-K, GRID, M, REACH = 11, (50, 50), 3, 4
+K, GRID, M = 11, (50, 50), 3
 ONE, ASIDE = np.ones(1), np.array([0.95, 1.0, 0.95])
 WINDOW, SLACK = np.ones(2 * M + 1), np.array([0.0, 1.0, 1.0])
 LITERAL = np.array([[0.95 ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
-SETS = {  # stage, weights, velocities, slowest, looks per state and frame
-    "conventional": ("box_stage", (WINDOW,), 1, 0, 14),
-    "Tonissen": ("box_stage", (SLACK,), 2 * M, 1 - M, 4),
-    "weighted": ("weighted_stage", (ASIDE, ASIDE), 2 * M, 1 - M, 12),
-    "weighted, literal": ("coupled_stage", (LITERAL,), 2 * M, 1 - M, 18),
-    "penalised": ("penalised_stage", (1 - ASIDE, 1 - ASIDE), 2 * M, 1 - M, 12),
+SETS = {  # stage, weights, velocities, slowest, longest step, looks per state and frame
+    "conventional": ("box_stage", (WINDOW,), 1, 0, M, 14),
+    "Tonissen": ("box_stage", (SLACK,), 2 * M, 1 - M, M + 1, 4),
+    "weighted": ("weighted_stage", (ASIDE, ASIDE), 2 * M, 1 - M, M + 1, 12),
+    "weighted, literal": ("coupled_stage", (LITERAL,), 2 * M, 1 - M, M + 1, 18),
+    "penalised": ("penalised_stage", (1 - ASIDE, 1 - ASIDE), 2 * M, 1 - M, M + 1, 12),
 }
 
 
-def trial(z, stage, weights, I, slowest, back):
+def trial(z, stage, weights, I, slowest, reach, back):
     """One trial into the workspace I: forward pass, largest final state, path."""
     I[0] = z[0]
     for k in range(1, K):
-        stage(I[k - 1], z[k], *weights, slowest, REACH, I[k])
+        stage(I[k - 1], z[k], *weights, slowest, reach, I[k])
     path = [np.unravel_index(I[-1].argmax(), I[-1].shape)]
     for k in range(K - 2, -1, -1):
         path.append(back(I[k], path[-1]))
@@ -66,10 +66,11 @@ def filters(z):
 
 def rows():
     frames = np.random.default_rng(1).normal(size=(K, *GRID))
-    z, look = dynprog.margin(frames, REACH), seconds_per_look()
-    for name, (stage, weights, V, slowest, looks) in SETS.items():
+    look = seconds_per_look()
+    for name, (stage, weights, V, slowest, reach, looks) in SETS.items():
+        z = dynprog.margin(frames, reach)
         I = np.empty((K, V, V, *z.shape[1:]))
-        arguments = weights, I, slowest, step_back(stage, weights, slowest)
+        arguments = weights, I, slowest, reach, step_back(stage, weights, slowest)
         seconds = best(trial, z, getattr(dynprog, stage), *arguments)
         spec = best(trial, z, getattr(dynprog, f"{stage}_spec"), *arguments, repeat=1)
         limit = looks * V * V * GRID[0] * GRID[1] * (K - 1) * look

@@ -77,13 +77,37 @@ def _raise(target, first, second):
 
 
 @kernel
-def _window(target, source, start, step, count):
-    """target[x] = max of source[start + x + c step] over c = 0..count-1; the last one may be taken twice."""
+def _top_add(target, first, second, third, term):
+    for x in range(target.size):
+        best = first[x] if first[x] > second[x] else second[x]
+        target[x] = (best if best > third[x] else third[x]) + term[x]
+
+
+@kernel
+def _raise_add(target, first, second, term):
+    for x in range(target.size):
+        best = target[x] if target[x] > second[x] else second[x]
+        target[x] = (first[x] if first[x] > best else best) + term[x]
+
+
+@kernel
+def _window(target, source, start, step, count, term):
+    """target[x] = max of source[start + x + c step] over c = 0..count-1, plus term[x] where one is given.
+
+    The last slack may be taken twice, so that every pass over the plane compares a fixed number of candidates.
+    """
     n, last = target.size, count - 1
     one, two = start + min(1, last) * step, start + last * step
+    if count < 4 and term.size:
+        _top_add(target, source[start:][:n], source[one:][:n], source[two:][:n], term)
+        return
     _top(target, source[start:][:n], source[one:][:n], source[two:][:n])
     for c in range(2, last, 2):
-        _raise(target, source[start + c * step :][:n], source[start + min(c + 1, last) * step :][:n])
+        left, right = source[start + c * step :][:n], source[start + min(c + 1, last) * step :][:n]
+        if c + 2 < last or not term.size:
+            _raise(target, left, right)
+        else:
+            _raise_add(target, left, right, term)
 
 
 @kernel
@@ -222,9 +246,8 @@ def box_stage(previous, frame, position, slowest, reach, out):
     for iv in range(V):
         for jv in range(V):
             source, target = previous[iv, jv].reshape(frame.size), out[iv, jv].reshape(frame.size)
-            _window(rows[lo:][:n], source, lo + first - d - slowest - jv, 1, count)
-            _window(target[lo:][:n], rows, lo + (first - d - slowest - iv) * Y, Y, count)
-            _add(target[lo:][:n], z[lo:])
+            _window(rows[lo:][:n], source, lo + first - d - slowest - jv, 1, count, z[:0])
+            _window(target[lo:][:n], rows, lo + (first - d - slowest - iv) * Y, Y, count, z[lo:])
             _edge(target, lo, n)
     return out
 
