@@ -59,6 +59,12 @@ def rows():
     yield Row(
         "association.jipda", "3 tracks, 5 plots", three, best(association.jipda_spec, *scene(3, 5)), None, PEER, peer_seconds()
     )
+    for T in range(2, 11, 2):
+        args = np.zeros((T, T + 2)), *scene(T, T + 2)[1:]
+        listed = best(association.jipda_spec, *args, repeat=1) if T <= 4 else None
+        yield Row("association.jipda", f"{T} tracks share {T + 2} plots", best(association.jipda, *args), listed)
+        linear = args[0], *args
+        yield Row("association.ljipda", f"{T} tracks share {T + 2} plots", best(association.ljipda, *linear))
     for name in ("ipda", "visibility", "modulated", "prior_odds"):
         kernel, spec = getattr(association, name), getattr(association, f"{name}_spec")
         yield Row(f"association.{name}", "10 tracks share 12 plots", best(kernel, *scene(10, 12)), best(spec, *scene(10, 12)))

@@ -363,9 +363,11 @@ def jipda(log_ratio, existence, detect):
     """Joint integrated PDA, exact: the marginals over all joint events, without listing one.
 
     An event weighs prod_{t missed} (1 - D^t P^t) prod_{(t, m)} D^t P^t exp(l[t, m]); given a miss the target exists with
-    probability (1 - D) P / (1 - D P).  Arguments and result as ``ipda``; at most MAX_TRACKS tracks (``check_scan``).
+    probability (1 - D) P / (1 - D P).  Arguments and result as ``ipda``.  Raises ValueError for more than MAX_TRACKS tracks.
     """
     T, M = log_ratio.shape
+    if T > MAX_TRACKS:
+        raise ValueError("association.jipda: the limit is 16 tracks (2^16 subsets); split them into clusters")
     log_w, log_miss = np.full((T, M), -np.inf), np.empty(T)
     for t in range(T):
         log_miss[t] = math.log(1.0 - detect[t] * existence[t])

@@ -315,3 +315,11 @@ def test_bad_input_is_refused_in_one_line(change, words):
     with pytest.raises(ValueError, match=words) as caught:
         association.check(**(GOOD | change))
     assert "\n" not in str(caught.value)
+
+
+def test_too_many_tracks_are_refused_before_memory_is():
+    assert association.MAX_TRACKS == 16
+    with pytest.raises(ValueError, match="the limit is 16 tracks"):
+        jipda(np.zeros((17, 3)), np.full(17, 0.9), np.full(17, 0.9))
+    beta, _ = jipda(np.zeros((12, 2)), np.full(12, 0.9), np.full(12, 0.9))
+    np.testing.assert_allclose(beta.sum(axis=1), 1.0)
