@@ -29,10 +29,10 @@ def test_ospa_equals_brute_force_over_permutations(p):
 
 
 def test_ospa_takes_the_power_before_the_assignment():
-    """0 and 1 against 1 and 2.1: two pairings cost 2.1 together, 1 + 1.1 and 2.1 + 0, but their squares differ."""
-    X, Y = np.array([[0.0], [1.0]]), np.array([[1.0], [2.1]])
-    assert score.ospa(X, Y, 10.0, 1) == pytest.approx(1.05)
-    assert score.ospa(X, Y, 10.0, 2) == pytest.approx(math.sqrt((1.0 + 1.1**2) / 2))  # not sqrt((0 + 2.1**2) / 2)
+    """Distances 0 and sqrt(4.25) have the smaller sum, 1 and sqrt(1.25) the smaller sum of squares."""
+    X, Y = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.0, 0.0], [2.0, 0.5]])
+    assert score.ospa(X, Y, 10.0, 1) == pytest.approx(math.sqrt(4.25) / 2)
+    assert score.ospa(X, Y, 10.0, 2) == pytest.approx(math.sqrt((1.0 + 1.25) / 2))  # not sqrt((0 + 4.25) / 2)
 
 
 def test_ospa_of_empty_sets_and_bad_orders():

@@ -13,6 +13,7 @@ from pathlib import Path
 from tbdcore import paths
 
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = paths.PACKAGE  # the one that is imported, which may be a copy itself
 CLAIMS = """id,item,quantity,conditions,value,unit,kind,where,cause
 mean,Table 1,mean of the draws,,0.0,,number,Sec. 1,
 order,text,shifted draws are larger,,larger,,ordering,Sec. 1,
@@ -65,7 +66,7 @@ def notebook(cells):
 
 def copy_package(folder):
     """The package, with the compiled code that belongs to it, in another folder."""
-    shutil.copytree(ROOT / "tbdcore", folder / "tbdcore", ignore=shutil.ignore_patterns("*.pyc"))
+    shutil.copytree(PACKAGE, folder / "tbdcore", ignore=shutil.ignore_patterns("*.pyc"))
 
 
 def repository(folder):

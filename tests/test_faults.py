@@ -1,0 +1,277 @@
+"""Would the tests notice?  Single faults, planted one at a time into a copy of the package, and the test that must turn red.
+
+A fault is an exact replacement of text that occurs once, so a rewritten line shows up here and asks for its fault to be planted
+anew.  The copy is run with the named test only; before that, all of the named tests must be green on a copy without a fault.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import tiny
+
+TESTS = Path(__file__).parent
+
+
+class Plant(NamedTuple):
+    """A fault: in which file of the repository, what stands there, what is put there, and the test that must notice."""
+
+    what: str
+    file: str
+    old: str
+    new: str
+    test: str
+
+
+FAULTS = [
+    Plant(
+        "a sign in the turn matrix",
+        "tbdcore/motion.py",
+        "[[1.0, a, 0.0, -b]",
+        "[[1.0, a, 0.0, b]",
+        "test_motion.py::test_turn_is_the_exponential_of_its_differential_equation",
+    ),
+    Plant(
+        "a turning particle turns the other way",
+        "tbdcore/motion.py",
+        "S[n, 0] + along * vx - aside * vy",
+        "S[n, 0] + along * vx + aside * vy",
+        "test_pairs.py::test_kernel_equals_its_specification[advance0]",
+    ),
+    Plant(
+        "a power of T too few in the process noise",
+        "tbdcore/motion.py",
+        "return q * np.kron(np.eye(2), np.array([[T**3 / 3, T**2 / 2]",
+        "return q * np.kron(np.eye(2), np.array([[T**2 / 3, T**2 / 2]",
+        "test_motion.py::test_noise_of_a_white_acceleration_is_the_integral_of_its_differential_equation",
+    ),
+    Plant(
+        "a missing square in the blob",
+        "tbdcore/sensor.py",
+        "[..., None]) ** 2) / (2.0 * blur * blur))",
+        "[..., None]) ** 2) / (2.0 * blur))",
+        "test_sensor.py::test_blob_energy_depends_on_where_in_the_cell_it_falls",
+    ),
+    Plant(
+        "a missing square in the point-spread function",
+        "tbdcore/sensor.py",
+        "np.exp(-spread.lr * d**2)[:, None] * np.exp(-spread.la * e**2)",
+        "np.exp(-spread.lr * d**2)[:, None] * np.exp(-spread.la * abs(e))",
+        "test_sensor.py::test_spread_closed_forms",
+    ),
+    Plant(
+        "amplitude taken for power",
+        "tbdcore/sensor.py",
+        "z[k][near] = s + v2 + 2.0 * np.sqrt(s * v2)",
+        "z[k][near] = s + v2 + 2.0 * (s * v2)",
+        "test_sensor.py::test_illuminated_cells_are_exponential_with_the_right_mean",
+    ),
+    Plant(
+        "a log-ratio without its energy term",
+        "tbdcore/sensor.py",
+        "(match - 0.5 * peak * centre * energy)",
+        "(match - peak * centre * energy)",
+        "test_sensor.py::test_blob_log_ratio_without_noise_is_half_the_energy",
+    ),
+    Plant(
+        "a gate half as wide",
+        "tbdcore/kalman.py",
+        "return g * np.sqrt(np.diagonal(",
+        "return 0.5 * g * np.sqrt(np.diagonal(",
+        "test_kalman.py::test_gate_volumes",
+    ),
+    Plant(
+        "an elliptic gate half as wide",
+        "tbdcore/association.py",
+        "if d2 <= gamma:",
+        "if 4.0 * d2 <= gamma:",
+        "test_association.py::test_gate_holds_its_probability",
+    ),
+    Plant(
+        "degrees for radians",
+        "tbdcore/kalman.py",
+        "return z[..., :1] * np.stack([np.cos(z[..., 1]), np.sin(z[..., 1])], axis=-1)",
+        "return z[..., :1] * np.stack([np.cos(np.radians(z[..., 1])), np.sin(np.radians(z[..., 1]))], axis=-1)",
+        "test_kalman.py::test_noise_of_a_plot_in_metres_against_samples",
+    ),
+    Plant(
+        "degrees for radians in a printed input",
+        "tbdcore/claims.py",
+        '"deg": ("angle", math.pi / 180)',
+        '"deg": ("angle", 1.0)',
+        "test_claims.py::test_inputs_are_compared_in_their_units",
+    ),
+    Plant(
+        "degrees for radians on the page",
+        "notebooks/04_track_cfar.ipynb",
+        "math.radians(self.beamwidth)",
+        "self.beamwidth",
+        "test_page_track_cfar.py::test_flights_follow_the_chain",
+    ),
+    Plant(
+        "an azimuth that is not wrapped",
+        "tbdcore/kalman.py",
+        "y[..., 1] = (y[..., 1] + np.pi) % (2 * np.pi) - np.pi",
+        "y[..., 1] = y[..., 1] + 0.0",
+        "test_kalman.py::test_residual_wraps_the_azimuth",
+    ),
+    Plant(
+        "a resampler off by one",
+        "tbdcore/particles.py",
+        "        n += passed[m]\n        ancestors[m] = n\n",
+        "        ancestors[m] = n\n        n += passed[m]\n",
+        "test_particles.py::test_copies_differ_from_their_mean_by_less_than_one",
+    ),
+    Plant(
+        "a weight that is not normalised",
+        "tbdcore/particles.py",
+        "    W /= total\n    return W, ",
+        "    return W, ",
+        "test_particles.py::test_normalise_survives_what_would_overflow",
+    ),
+    Plant(
+        "a likelihood ratio upside down",
+        "tbdcore/particles.py",
+        "return P / (P + (1.0 - P) * np.exp(-log_ratio))",
+        "return P / (P + (1.0 - P) * np.exp(log_ratio))",
+        "test_particles.py::test_existence_against_the_joint_distribution",
+    ),
+    Plant(
+        "the noise forgotten under the target",
+        "tbdcore/detection.py",
+        "return np.exp(-np.asarray(eta, float) / (1 + np.asarray(snr, float)))",
+        "return np.exp(-np.asarray(eta, float) / np.asarray(snr, float))",
+        "test_detection.py::test_swerling_1_from_complex_samples",
+    ),
+    Plant(
+        "a plot visible to its own track only",
+        "tbdcore/association.py",
+        "visible[t, m] = (1.0 + odds[t, m]) / total",
+        "visible[t, m] = odds[t, m] / total",
+        "test_association.py::test_one_isolated_track_is_ipda",
+    ),
+    Plant(
+        "a window one cell too narrow",
+        "tbdcore/dynprog.py",
+        "n, last = target.size, count - 1",
+        "n, last = target.size, count - 2",
+        "test_dynprog.py::test_conventional_stage_is_a_maximum_filter",
+    ),
+    Plant(
+        "the power after the assignment",
+        "tbdcore/score.py",
+        "((cost[linear_sum_assignment(cost)].sum()",
+        "((cost[linear_sum_assignment(cost ** (1 / p))].sum()",
+        "test_ospa.py::test_ospa_takes_the_power_before_the_assignment",
+    ),
+    Plant(
+        "the first crossing for the last",
+        "tbdcore/score.py",
+        "i = int(down[-1])",
+        "i = int(down[0])",
+        "test_score.py::test_crossing_is_the_last_downward_one",
+    ),
+    Plant(
+        "a factor dropped from the band of a verdict",
+        "tbdcore/claims.py",
+        "band = half_digit * (1 + 1e-9) + Z_PAPER * paper_se",
+        "band = half_digit * (1 + 1e-9) + paper_se",
+        "test_claims.py::test_the_edges_of_a_number",
+    ),
+    Plant(
+        "a margin judged without its error",
+        "tbdcore/claims.py",
+        "if margin > Z99 * se:",
+        "if margin > 0:",
+        "test_claims.py::test_the_edges_of_a_margin",
+    ),
+    Plant(
+        "a seed that ignores the trial",
+        "tbdcore/trials.py",
+        "crc32(experiment.encode()), trial, PURPOSES[purpose])",
+        "crc32(experiment.encode()), 0, PURPOSES[purpose])",
+        "test_trials.py::test_streams_depend_on_each_part_of_their_key_and_on_nothing_else",
+    ),
+    Plant(
+        "trials gathered in another order",
+        "tbdcore/trials.py",
+        "return [job.result() for job in tqdm(jobs,",
+        "return [job.result() for job in tqdm(jobs[::-1],",
+        "test_trials.py::test_workers_do_not_change_a_bit",
+    ),
+    Plant(
+        "a picture that knows nothing of its sources",
+        "tbdcore/figures.py",
+        'about = (id, provenance.get("sources"), provenance.get("remake"))',
+        "about = (id, None, None)",
+        "test_cite.py::test_which_traces_a_stray_file_of_another_run",
+    ),
+    Plant(
+        "a run that is resumed whatever its parameters",
+        "tbdcore/batch.py",
+        '"parameters": _settings(paper, values), ',
+        "",
+        "test_batch.py::test_resume_does_not_skip_what_is_not_done[a version]",
+    ),
+]
+NAMES = [fault.what for fault in FAULTS]
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """A copy of the package and of the notebooks; everything else is the repository's own."""
+    tiny.copy_package(tmp_path)
+    (tmp_path / "notebooks").mkdir()
+    for notebook in (tiny.ROOT / "notebooks").glob("*.ipynb"):
+        (tmp_path / "notebooks" / notebook.name).write_bytes(notebook.read_bytes())
+    for name in ("data", "CITATION.cff", "README.md", "environment.txt", "pyproject.toml"):
+        (tmp_path / name).symlink_to(tiny.ROOT / name)
+    return tmp_path
+
+
+def judge(copy, tests):
+    """Exit code and report of some tests on a copy."""
+    words = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+        *(str(TESTS / test) for test in tests),
+    ]
+    run = subprocess.run(words, cwd=copy, env=tiny.environment(copy), capture_output=True, text=True, timeout=600)
+    return run.returncode, run.stdout + run.stderr
+
+
+def test_the_copy_is_what_is_tested(copy):
+    run = subprocess.run(
+        [sys.executable, "-c", "import tbdcore; print(tbdcore.__file__)"],
+        cwd=TESTS,
+        env=tiny.environment(copy),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert Path(run.stdout.strip()) == copy / "tbdcore" / "__init__.py"
+
+
+def test_without_a_fault_the_named_tests_are_green(copy):
+    code, report = judge(copy, sorted({fault.test for fault in FAULTS}))
+    assert code == 0, report
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=NAMES)
+def test_the_fault_is_noticed(copy, fault):
+    file = copy / fault.file
+    text = file.read_text(encoding="utf-8")
+    assert text.count(fault.old) == 1, f"{fault.file} no longer has {fault.old!r} once; plant this fault anew"
+    file.write_text(text.replace(fault.old, fault.new), encoding="utf-8")
+    code, report = judge(copy, [fault.test])
+    assert code == 1, f"{fault.test} does not notice {fault.what}:\n{report}"
+    assert any(line.startswith("FAILED") and fault.test in line for line in report.splitlines()), report
