@@ -83,7 +83,8 @@ def run(paper, values, output, *, say=print, resume=False):
     figures.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
     result = result._replace(seconds=seconds, verdicts=counts(folder / paper))
     took = f"{seconds:.0f} s" + (f", expected {expected:.0f} s" if expected else "")
-    say(f"{paper}: {sum(result.verdicts.values())} claims ({summary(result.verdicts)}); {took}")
+    judged = f"{sum(result.verdicts.values())} claims ({summary(result.verdicts)})" if result.verdicts else "done"
+    say(f"{paper}: {judged}; {took}")
     return result
 
 
@@ -112,11 +113,14 @@ def done(paper, values, folder):
     made = [json.loads(file.read_text(encoding="utf-8")) for file in (folder / paper).glob("*.json")]
     same = all(about.get(key) == value for about in made for key, value in now.items())
     present = {file.name for file in (folder / paper).glob("*")}
-    return bool(made) and same and {"verdicts.csv"}.union(*(about.get("files", ("?",)) for about in made)) <= present
+    judged = {"verdicts.csv"} if paper in claims.papers() else set()
+    return bool(made) and same and judged.union(*(about.get("files", ("?",)) for about in made)) <= present
 
 
 def counts(folder):
-    """How many of each verdict a folder's verdicts.csv has."""
+    """How many of each verdict a folder's verdicts.csv has; none without one, as for the index."""
+    if not (folder / "verdicts.csv").is_file():
+        return {}
     found = pd.read_csv(folder / "verdicts.csv", dtype=str, keep_default_na=False)["verdict"].value_counts()
     return {verdict: int(found[verdict]) for verdict in claims.VERDICTS if verdict in found}
 

@@ -117,7 +117,8 @@ def _run(arguments):
     """Execute the notebooks of some papers one after the other; a paper that fails does not stop the others."""
     from tbdcore import batch, pages
 
-    jobs = {paper: _values(paper, arguments) for paper in arguments.papers or pages.papers()}
+    named = arguments.papers or (pages.papers() if arguments.given else pages.everything())
+    jobs = {paper: _values(paper, arguments) for paper in named}
     if arguments.in_place and (arguments.given or arguments.quick or arguments.out or arguments.resume):
         raise Fault("--in-place executes the committed notebooks with their defaults; drop -p, --quick, --out and --resume")
     _reachable(arguments.scheduler)

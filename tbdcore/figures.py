@@ -263,6 +263,17 @@ def _undisturbed():
             signal.raise_signal(number)
 
 
+def data(id):
+    """The data behind a committed product, ``data("track_cfar/fig05")``, as a frame.
+
+    Raises ValueError when there is none.
+    """
+    path = paths.PRODUCTS / f"{id}.csv"
+    if not path.is_file():
+        raise ValueError(f"{id}: no such data in figures/; products are named <paper>/<name>, such as track_cfar/fig05")
+    return pd.read_csv(path)
+
+
 def versions():
     """Versions of the packages that numbers and pictures depend on."""
     return {name: version(name) for name in ("numpy", "scipy", "numba", "matplotlib", "pandas")}

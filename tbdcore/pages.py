@@ -90,6 +90,11 @@ def papers():
     return [path.stem[3:] for path in sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb")) if not path.stem.startswith("00")]
 
 
+def everything():
+    """The papers, and after them the index, which reads their verdicts."""
+    return papers() + [path.stem[3:] for path in sorted(paths.NOTEBOOKS.glob("00_*.ipynb"))]
+
+
 def path(paper):
     """The notebook of a paper; raises ValueError, with the nearest name, when there is none."""
     found = sorted(paths.NOTEBOOKS.glob(f"[0-9][0-9]_{paper}.ipynb"))
