@@ -199,8 +199,15 @@ def _exhibit(id, verdicts, folder):
     links = ", ".join(f"[{extension}]({_here(file, folder)})" for extension, file in have.items())
     show = [f"![{about['caption']}]({_here(have['png'], folder)})"] if "png" in have else [have["md"].read_text(encoding="utf-8")]
     shown = [(claim, verdicts.loc[claim]) for claim in about["claims"] if claim in verdicts.index]
-    judged = [f"- `{claim}` {row['quantity']}: published {row['published']}, **{row['verdict']}**" for claim, row in shown]
+    judged = [f"- `{claim}` {_judged(row)}" for claim, row in shown]
     return [f"### {id}", "", *show, "", f"{about['caption']} ({links})", "", *judged, *([""] if judged else [])]
+
+
+def _judged(row):
+    """A verdict in a line: the quantity, what was published and measured, the verdict."""
+    measured = f", measured {row['measured']}" if row["measured"] else ""
+    error = f" ± {row['se']}" if row["se"] and row["measured"].lstrip("-").replace(".", "").isdigit() else ""
+    return f"{row['quantity']}: published {row['published']}{measured}{error}, **{row['verdict']}**"
 
 
 # Tracing ---------------------------------------------------------------------------------------------------------------

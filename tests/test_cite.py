@@ -99,7 +99,7 @@ def test_score_writes_bibliography_and_gallery(execute, tmp_path):
     assert set(bibtex((tmp_path / "figures" / "figures.bib").read_text())) == {"tiny", "tbdcore"}
     page = (tmp_path / "figures" / "README.md").read_text()
     assert page.index("### tiny/fig1") < page.index("### tiny/table1")
-    assert "- `mean` mean of the draws: published 0.0, **reproduced**" in page
+    assert re.search(r"- `mean` mean of the draws: published 0.0, measured -?0\.\d+ ± 0\.0\d+, \*\*reproduced\*\*\n", page)
     links = re.findall(r"\]\(([^)]+)\)", page)
     assert "../notebooks/01_tiny.ipynb" in links
     assert all((tmp_path / "figures" / link).is_file() for link in links)
