@@ -30,6 +30,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from tbdcore import paths
+
 STYLE = {
     "figure.dpi": 100,
     "savefig.dpi": 150,
