@@ -16,6 +16,8 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
+import pandas as pd
+
 from tbdcore import claims, figures, pages, paths
 
 ARTICLE = ("author", "title", "journal", "year")  # what BibTeX requires of an @article
@@ -32,7 +34,9 @@ class Found(NamedTuple):
 
 def ids(folder=None):
     """Ids of all products, paper by paper, the papers' own figures and tables first."""
-    found = [file for paper in pages.papers() for file in sorted(((folder or paths.figures()) / paper).glob("*.json"), key=_rank)]
+    found = [
+        file for paper in pages.everything() for file in sorted(((folder or paths.figures()) / paper).glob("*.json"), key=_rank)
+    ]
     return [f"{file.parent.name}/{file.stem}" for file in found]
 
 
@@ -71,7 +75,8 @@ def text(id, form="", folder=None):
     if form == "caption":
         return f"{about['caption']}\n"
     if form == "bibtex":
-        return f"{paper_entry(about['paper'])}\n{repository_entry()}"
+        own = [paper_entry(about["paper"])] if about["paper"] in _papers() else []  # the index is of no paper
+        return "\n".join([*own, repository_entry()])
     if form == "latex":
         return _latex(about, have)
     if form == "markdown":
@@ -95,7 +100,8 @@ def _latex(about, have):
     """A figure or a table environment."""
     kind = "figure" if "pdf" in have else "table"
     label = f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"
-    caption = f"\\caption{{{figures.tex(about['caption'])} After~\\cite{{{about['paper']}}}, computed with~\\cite{{tbdcore}}.}}"
+    source = f"After~\\cite{{{about['paper']}}}, computed" if about["paper"] in _papers() else "Computed"
+    caption = f"\\caption{{{figures.tex(about['caption'])} {source} with~\\cite{{tbdcore}}.}}"
     if kind == "figure":
         body = [f"\\includegraphics[width=\\linewidth]{{{_here(have['pdf'])}}}", caption, label]
     else:
@@ -179,15 +185,16 @@ def gallery(folder=None):
         "Written by `tbdcore score`. Cite one with `tbdcore cite <id>`, trace a file with `tbdcore which <file>`.",
         "",
     ]
-    for paper in pages.papers():
-        about, page = _papers()[paper], pages.path(paper)
+    for paper in pages.everything():
+        about, page = _papers().get(paper), pages.path(paper)
+        said = f"{about['short']}: *{about['title']}*. " if about else ""
         lines += [
-            f"## {about['topic']}",
+            f"## {about['topic'] if about else 'All papers'}",
             "",
-            f"{about['short']}: *{about['title']}*. Notebook [{page.stem}]({_here(page, folder)}).",
+            f"{said}Notebook [{page.stem}]({_here(page, folder)}).",
             "",
         ]
-        verdicts = claims.verdicts(paper, folder).set_index("id")
+        verdicts = claims.verdicts(paper, folder).set_index("id") if about else pd.DataFrame()
         for id in ids(folder):
             lines += _exhibit(id, verdicts, folder) if id.startswith(f"{paper}/") else []
     return "\n".join(lines)
@@ -267,7 +274,8 @@ def which(file, folder=None):
     now, made = pages.sources(paper), found.sources or "unknown"
     state = "current, the sources are the same" if made == now else f"stale, the sources are now {now}"
     caption = [product(found.id, folder)["caption"]] if kept.with_suffix(".json").is_file() else []
-    sources = f"sources {made}: {pages.path(paper).name}, data/claims/{paper}.csv and the modules that the notebook imports"
+    data = f", data/claims/{paper}.csv" if paper in claims.papers() else ""
+    sources = f"sources {made}: {pages.path(paper).name}{data} and the modules that the notebook imports"
     copy = f"{'the same bytes as' if same else 'differs from'} {_here(kept)}" if kept.is_file() else f"there is no {_here(kept)}"
     lines = [found.id, *caption, sources, state, copy, f"remake: {found.remake or f'tbdcore run {paper}'}"]
     return "\n  ".join(lines) + "\n", made == now

@@ -105,6 +105,20 @@ def test_score_writes_bibliography_and_gallery(execute, tmp_path):
     assert all((tmp_path / "figures" / link).is_file() for link in links)
 
 
+def test_the_index_has_products_but_no_paper(execute, capsys, tmp_path):
+    (tmp_path / "notebooks" / "00_index.ipynb").write_text(tiny.notebook(tiny.CELLS))
+    old, new = tmp_path / "figures" / "tiny", tmp_path / "figures" / "index"
+    new.mkdir()
+    (new / "fig1.json").write_text((old / "fig1.json").read_text().replace('"tiny', '"index'))
+    (new / "fig1.pdf").write_bytes((old / "fig1.pdf").read_bytes().replace(b"tiny/fig1", b"index/fig1"))
+    (new / "fig1.png").write_bytes((old / "fig1.png").read_bytes())
+    assert set(bibtex(tbdcore(capsys, "cite", "index/fig1", "--bibtex")[1])) == {"tbdcore"}
+    assert "Computed with~" in tbdcore(capsys, "cite", "index/fig1", "--latex")[1]
+    assert tbdcore(capsys, "which", str(new / "fig1.pdf"))[1].startswith("index/fig1\n")
+    page = cite.gallery()
+    assert page.index("### tiny/fig1") < page.index("## All papers") < page.index("### index/fig1")
+
+
 @pytest.mark.parametrize("kind", ["pdf", "svg", "png", "csv", "json"])
 def test_which_knows_its_own_files(execute, capsys, tmp_path, kind):
     code, out, _ = tbdcore(capsys, "which", str(tmp_path / "figures" / "tiny" / f"fig1.{kind}"))
