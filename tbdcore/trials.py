@@ -31,6 +31,7 @@ from tqdm import tqdm
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
 CHUNKS_PER_WORKER = 8  # small enough to balance the load, large enough to hide the cost of sending
+DAY = 86400  # seconds an idle process waits; loky warns, on standard error, of one that leaves as work arrives
 
 
 def generator(seed, paper, experiment, trial, purpose):
@@ -115,7 +116,7 @@ def _processes(workers):
     from loky import get_reusable_executor
 
     one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return get_reusable_executor(max_workers=workers, timeout=120, env=one)
+    return get_reusable_executor(max_workers=workers, timeout=DAY, env=one)
 
 
 @contextlib.contextmanager
