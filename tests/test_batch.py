@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import psutil
 import pytest
@@ -117,9 +118,9 @@ def test_a_product_that_is_no_longer_made_is_removed(tbdcore, folder):
 def test_an_interrupted_run_leaves_no_process_and_no_half_written_file(tbdcore, folder, sent):
     made = products(folder)
     words = ["run", "tiny", "--workers", "2", "-p", "pause=2", "--out", "build/slow"]
-    run = subprocess.Popen(
-        tiny.command(*words), cwd=folder, env=tiny.environment(folder), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a runner in the background hands down a deaf ear
+    options = {"cwd": folder, "env": tiny.environment(folder), "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    run = subprocess.Popen(tiny.command(*words), preexec_fn=listening, text=True, **options)
     own, seen, deadline = psutil.Process(run.pid), set(), time.monotonic() + 60
     while sum("popen_loky" in " ".join(process.cmdline()) for process in seen) < 2 and time.monotonic() < deadline:
         time.sleep(0.2)
