@@ -30,7 +30,7 @@ from tbdcore import claims, figures, pages, paths
 
 GOOD, FAILED, INTERRUPTED = 0, 1, 130
 TRACKER = "ignore::UserWarning:loky.backend.resource_tracker"  # it cleans up after killed workers, and says so
-TICK = 0.5  # seconds between two looks at a run
+TICK = 1.0  # seconds between two looks at a run
 PATIENCE = 5.0  # seconds that a process has to end before it is killed
 
 

@@ -28,6 +28,9 @@ from importlib.metadata import version
 import matplotlib
 import numpy as np
 import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from tbdcore import paths
@@ -84,6 +87,7 @@ EMBEDDED = {  # where each format keeps the id, the hash of the sources and the 
     "svg": ("Title", "Source", "Description"),
     "png": ("Title", "Source", "Comment"),
 }
+CANVASES = {"pdf": FigureCanvasPdf, "svg": FigureCanvasSVG, "png": FigureCanvasAgg}
 NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
 
@@ -293,8 +297,9 @@ def _render(fig, id, provenance, extension):
     """One picture as bytes, the same bytes every time, with its id and what made it inside."""
     about = (id, provenance.get("sources"), provenance.get("remake"))
     metadata = {key: text for key, text in zip(EMBEDDED[extension], about, strict=True) if text} | NO_DATE[extension]
-    buffer = io.BytesIO()
-    fig.savefig(buffer, format=extension, metadata=metadata)
+    buffer, canvas = io.BytesIO(), CANVASES[extension](fig)
+    fig.dpi = STYLE["savefig.dpi"]
+    getattr(canvas, f"print_{extension}")(buffer, metadata=metadata)  # `savefig` would draw each format twice
     return buffer.getvalue()
 
 

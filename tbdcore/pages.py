@@ -312,13 +312,14 @@ def execute(paper, given, output, progress=False):
 
     values = validate(paper, given)
     output.parent.mkdir(parents=True, exist_ok=True)
-    part = output.with_suffix(".part.ipynb")
+    part = output.with_suffix(f".{os.getpid()}.part.ipynb")
     try:
         execute_notebook(
             path(paper),
             part,
             values,
             kernel_name="python3",
+            engine_name=_engine(),
             progress_bar=progress,
             cwd=str(Path.cwd()),
             extra_arguments=["--IPKernelApp.log_level=40"],  # a kernel's start-up remarks are not the run's
@@ -334,6 +335,20 @@ def execute(paper, given, output, progress=False):
     finally:
         part.unlink(missing_ok=True)
     return output
+
+
+def _engine():
+    """Name of papermill's own engine without its habit of writing the whole notebook twice for each cell."""
+    from papermill.engines import NBClientEngine, papermill_engines
+
+    class Engine(NBClientEngine):
+        @classmethod
+        def execute_managed_notebook(cls, nb_man, kernel_name, **options):
+            nb_man.output_path = None  # papermill writes it when the run has ended, and when a cell has failed
+            return super().execute_managed_notebook(nb_man, kernel_name, **options)
+
+    papermill_engines.register("written-once", Engine)
+    return "written-once"
 
 
 def clean(notebook):
