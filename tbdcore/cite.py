@@ -21,6 +21,7 @@ import pandas as pd
 from tbdcore import claims, figures, pages, paths
 
 ARTICLE = ("author", "title", "journal", "year")  # what BibTeX requires of an @article
+NARROWER = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"  # a table as it is, or as wide as the text
 FIELDS = ("author", "title", "journal", "volume", "number", "pages", "year", "version", "doi", "url", "key")
 
 
@@ -97,17 +98,20 @@ def _here(file, start=None):
 
 
 def _latex(about, have):
-    """A figure or a table environment."""
+    """A figure or a table environment, which needs no other packages than graphicx and booktabs."""
     kind = "figure" if "pdf" in have else "table"
     label = f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"
     source = f"After~\\cite{{{about['paper']}}}, computed" if about["paper"] in _papers() else "Computed"
-    caption = f"\\caption{{{figures.tex(about['caption'])} {source} with~\\cite{{tbdcore}}.}}"
+    says = figures.tex(about["caption"].rstrip(" ."))
+    caption = f"\\caption{{{says}. {source} with~\\cite{{tbdcore}}.}}"
     if kind == "figure":
         body = [f"\\includegraphics[width=\\linewidth]{{{_here(have['pdf'])}}}", caption, label]
     else:
-        body = [caption, label, f"\\input{{{_here(have['tex'])}}}"]
-    package = {"figure": "graphicx", "table": "booktabs"}[kind]
-    lines = [f"% needs \\usepackage{{{package}}}", f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
+        body = [caption, label, r"\smallskip", NARROWER, f"  \\input{{{_here(have['tex'])}}}}}%"]
+    package = {"figure": "graphicx", "table": "booktabs,graphicx"}[kind]
+    entries = _here(next(iter(have.values())).parents[1] / "figures")
+    lines = [f"% needs \\usepackage{{{package}}}, and \\bibliography{{{entries}}} with \\bibliographystyle{{plain}}"]
+    lines += [f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
     return "\n".join([*lines, f"\\end{{{kind}}}", ""])
 
 

@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+import subprocess
 import tomllib
 
 import pytest
@@ -42,6 +44,39 @@ def test_latex_of_a_figure_and_of_a_table(execute, capsys):
     for text in (figure, table):
         assert re.findall(r"\\begin\{(\w+)\}", text) == re.findall(r"\\end\{(\w+)\}", text)
         assert re.sub(r"\\.", "", text).count("{") == re.sub(r"\\.", "", text).count("}")
+
+
+def test_a_caption_ends_once_and_the_bibliography_is_named(execute, capsys, tmp_path):
+    about = tmp_path / "figures" / "tiny" / "fig1.json"
+    for caption in ("Nine draws.", "Nine draws"):
+        about.write_text(json.dumps(json.loads(about.read_text()) | {"caption": caption}))
+        text = tbdcore(capsys, "cite", "tiny/fig1", "--latex")[1]
+        assert r"\caption{Nine draws. After~\cite{tiny}" in text
+        assert r"\bibliography{figures/figures}" in text
+
+
+def compiled(folder, body):
+    """Complaints of pdflatex and bibtex about a document: errors, missing entries, and what is wider or higher than the page."""
+    head = "\\documentclass{article}\n\\usepackage{booktabs,graphicx}\n\\begin{document}\n"
+    tail = "\\bibliographystyle{plain}\n\\bibliography{figures}\n\\end{document}\n"
+    (folder / "report.tex").write_text(head + body + tail, encoding="utf-8")
+    said = ""
+    for program in (["pdflatex", "-interaction=nonstopmode"], ["bibtex"], *[["pdflatex", "-interaction=nonstopmode"]] * 2):
+        done = subprocess.run([*program, "report"], cwd=folder, capture_output=True, timeout=300)
+        said = done.stdout.decode("utf-8", "replace")
+        if done.returncode:
+            return [line for line in said.splitlines() if line.startswith(("!", "l.", "I couldn't", "Warning"))] or [said[-500:]]
+    wrong = r"^.*(?:undefined|multiply defined|too large for page|Overfull \\[hv]box).*$"
+    return re.findall(wrong, said, re.MULTILINE)
+
+
+@pytest.mark.skipif(not (shutil.which("pdflatex") and shutil.which("bibtex")), reason="pdflatex and bibtex are not on this machine")
+def test_a_report_with_every_figure_and_table_compiles_with_plain_pdflatex(tmp_path, monkeypatch):
+    (tmp_path / "figures.bib").write_text(cite.bibliography(), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    products = paths.ROOT / "figures"
+    body = "".join(cite.text(id, "latex", products) + "\\clearpage\n" for id in cite.ids(products))
+    assert compiled(tmp_path, body) == []
 
 
 def test_letters_that_pdftex_cannot_set_become_mathematics():
