@@ -109,7 +109,7 @@ def _latex(about, have):
     else:
         body = [caption, label, r"\smallskip", NARROWER, f"  \\input{{{_here(have['tex'])}}}}}%"]
     package = {"figure": "graphicx", "table": "booktabs,graphicx"}[kind]
-    entries = _here(next(iter(have.values())).parents[1] / "figures")
+    entries = _here(next(iter(have.values())).parent.parent / "figures")
     lines = [f"% needs \\usepackage{{{package}}}, and \\bibliography{{{entries}}} with \\bibliographystyle{{plain}}"]
     lines += [f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
     return "\n".join([*lines, f"\\end{{{kind}}}", ""])
