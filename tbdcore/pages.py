@@ -307,6 +307,7 @@ def execute(paper, given, output, progress=False):
     OSError
         There is no kernel to run in.
     """
+    sys.modules.setdefault("rfc3987_syntax", None)  # jsonschema would build a grammar of web addresses, for more than a second
     from jupyter_client.kernelspec import NoSuchKernel
     from papermill import PapermillExecutionError, execute_notebook
 
