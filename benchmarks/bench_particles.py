@@ -2,7 +2,7 @@
 
 The peer of the kernels is vectorised NumPy, written as one would without a compiler: all patches gathered in one array,
 masks for the regimes, a sorted search for the resampling.  The trials are those of the page ``mm_pf_tbd``; their peer is the
-same page with these four functions in the place of the kernels, so that both columns draw the same random numbers and do the
+same page with these three functions in the place of the kernels, so that both columns draw the same random numbers and do the
 same work.  The limit of a trial is the cost that was asked for.
 """
 
@@ -35,27 +35,34 @@ def log_ratio(z, S, r, peak, blur, noise):
     return out
 
 
-def advance(S, before, r, a, born, omega, T):
-    """Vectorised NumPy: both regimes at once, sin and cos of whole columns."""
-    out = S.copy()
-    out[(before == 1) & (r == 2), 4] = omega
-    on = np.flatnonzero(r)
-    x, vx, y, vy, w = out[on].T
-    h = 0.5 * T * np.where(r[on] == 2, w, 0.0)
+def transition(r, S, Pi, T, u, a, omegas, redraw):
+    """Vectorised NumPy: the chain by one comparison, both regimes at once, sin and cos of whole columns."""
+    C = np.cumsum(Pi, axis=1)
+    after, born = (u[:, None] >= C[r, :-1]).sum(axis=1), np.empty(0, np.int64)
+    live = after > 0
+    if redraw:
+        born = np.flatnonzero((r == 0) & live)
+        live[born] = False
+    if len(omegas):
+        begins = (r == 1) & (after == 2)
+        (low, left), (right, high) = omegas
+        v = low + (u[begins] - C[1, 1]) / (1 - C[1, 1]) * (left - low + high - right)
+        S[begins, 4] = v + (right - left) * (v > left)
+    on = np.flatnonzero(live)
+    x, vx, y, vy, w = S[on].T
+    h = 0.5 * T * np.where(after[on] == 2, w, 0.0)
     f = T * np.sinc(h / np.pi)
     along, aside, c, s = f * np.cos(h), f * np.sin(h), np.cos(2 * h), np.sin(2 * h)
-    ax, ay = a.T
+    ax, ay = a[on].T
     columns = (x + along * vx - aside * vy + T * T / 2 * ax, c * vx - s * vy + T * ax)
     columns += (y + aside * vx + along * vy + T * T / 2 * ay, s * vx + c * vy + T * ay, w)
-    out[on] = np.column_stack(columns)
-    out[(before == 0) & (r > 0)] = born
-    return out
+    S[on] = np.column_stack(columns)
+    return after, born, S
 
 
 NUMPY = {
     "blob_log_ratio": log_ratio,
-    "advance": advance,
-    "regimes": motion.regimes_spec,
+    "transition": transition,
     "systematic": particles.systematic_spec,
 }
 
@@ -68,14 +75,12 @@ def cloud():
 
 
 def kernels():
-    """Arguments of the four kernels."""
+    """Arguments of the three kernels."""
     rng, S, r, z = cloud()
-    after, moves = motion.regimes(r, PI, rng.random(N))
-    a = rng.normal(0.0, 0.1, (np.count_nonzero(after), 2))
+    u, a, omegas = rng.random(N), rng.normal(0.0, 0.1, (N, 2)), np.array([[-0.4, -0.2], [0.2, 0.4]])
     W, _ = particles.normalise(sensor.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE))
     yield sensor.blob_log_ratio, sensor.blob_log_ratio_spec, (z, S, r, PEAK, BLUR, NOISE)
-    yield motion.advance, motion.advance_spec, (S, r, after, a, np.empty((0, 5)), np.full(moves[1, 2], 0.3), 1.0)
-    yield motion.regimes, motion.regimes_spec, (r, PI, rng.random(N))
+    yield motion.transition, motion.transition_spec, (r, S.copy(), PI, 1.0, u, a, omegas, True)
     yield particles.systematic, particles.systematic_spec, (W, N // 2, 0.3)
 
 

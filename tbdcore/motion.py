@@ -17,10 +17,10 @@ that is: the chord f, turned by half the angle.  f tends to T, so ``coordinated_
 straight line.
 
 **Regimes.**  Whether there is a target and which law it follows is a Markov chain over a few regimes, one row of ``Pi`` per
-regime it comes from.  ``regimes`` moves the regimes of many particles, one uniform draw each; ``advance`` then moves their
-states, each by its own regime: 0 absent (the state has no meaning and is left alone), 1 constant velocity, 2 coordinated
-turn with the particle's own turn rate.  Both take the draws they need as arrays and are functions of numbers: what a birth
-looks like is the notebook's business.
+regime it comes from.  ``transition`` moves many particles in one pass, first the regime, by one uniform draw each, then the
+state by that regime: 0 absent (the state has no meaning and is left alone), 1 constant velocity, 2 coordinated turn with the
+particle's own turn rate.  It takes the draws as arrays and is a function of numbers, and it returns the list of those that
+came alive: what a birth looks like is the notebook's business.
 
 Not here: where new targets are born (the notebooks), what is measured (``sensor``, ``kalman``).
 """
@@ -76,79 +76,60 @@ def check_transitions(Pi):
     return Pi
 
 
-def regimes_spec(r, Pi, u):
-    """Specification of :func:`regimes`: invert the cumulative row of every particle."""
-    after = (u[:, None] >= np.cumsum(Pi, axis=1)[r, :-1]).sum(axis=1)
-    R = len(Pi)
-    return after, np.bincount(R * r + after, minlength=R * R).reshape(R, R)
+def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
+    """Specification of :func:`transition`: a choice by the cumulative row, an interval by its length, a matrix per particle."""
+    after, born = np.zeros_like(r), []
+    for n, before in enumerate(r):
+        ends = np.concatenate([[0.0], np.cumsum(Pi[before])])
+        after[n] = (u[n] >= ends[1:-1]).sum()
+        if after[n] and redraw and before == 0:
+            born.append(n)
+        elif after[n]:
+            if (before, after[n]) == (1, 2) and len(omegas):
+                v = np.interp(u[n], [ends[2], 1.0], [0.0, np.diff(omegas).sum()])
+                lengths = np.concatenate([[0.0], np.cumsum(np.diff(omegas).ravel())])
+                S[n, 4] = np.interp(v, np.repeat(lengths, 2)[1:-1], omegas.ravel())
+            F = coordinated_turn(S[n, 4] if after[n] == 2 else 0.0, T)
+            S[n, :4] = F @ S[n, :4] + np.outer(a[n], [T * T / 2, T]).ravel()
+    return after, np.array(born, np.int64), S
 
 
 @kernel
-def regimes(r, Pi, u):
-    """Next regime (N,) of every particle, and how many went from each regime to each, (R, R).
+def transition(r, S, Pi, T, u, a, omegas, redraw):
+    """One frame of the chain and of the motion: regimes (N,) afterwards, who is born (B,), and the states, moved **in place**.
 
-    r : (N,) int64 regimes; Pi : (R, R) transition probabilities, rows from; u : (N,) uniform draws in [0, 1).
+    r : (N,) int64 regimes, 0 absent, 1 constant velocity, 2 coordinated turn; S : (N, 5) states [x, vx, y, vy, omega].
+    Pi : (3, 3) transition probabilities, rows from; T : s.
+    u : (N,) uniform draws in [0, 1), one for each regime; a : (N, 2) accelerations, constant during the step.
+    omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2; (0, 2): it keeps the one it has.
+        The draw that chose the turn serves once more: within the share of [0, 1) that means "turn" it is uniform again.
+    redraw : what comes alive is not moved: its state is the caller's to draw.  If False it goes on from the state it has, and
+        the list of the born is empty.
     """
-    C = Pi.copy()
-    for b in range(1, Pi.shape[1]):
-        C[:, b] += C[:, b - 1]
-    out = np.empty(r.size, np.int64)
-    moves = np.zeros(Pi.shape, np.int64)
+    after, born, b = np.empty_like(r), np.empty(r.size, np.int64), 0
+    first, second = Pi[:, 0].copy(), Pi[:, 0] + Pi[:, 1]
     for n in range(r.size):
-        after = 0
-        for b in range(Pi.shape[1] - 1):
-            after += u[n] >= C[r[n], b]
-        out[n] = after
-        moves[r[n], after] += 1
-    return out, moves
-
-
-def advance_spec(S, before, r, a, born, omega, T):
-    """Specification of :func:`advance`: one matrix per living particle, then overwrite what is born."""
-    out = S.copy()
-    out[(before == 1) & (r == 2), 4] = omega
-    G = np.array([T * T / 2, T])
-    for n, (ax, ay) in zip(np.flatnonzero(r), a, strict=True):
-        F = coordinated_turn(out[n, 4] if r[n] == 2 else 0.0, T)
-        out[n, :4] = F @ out[n, :4] + np.concatenate([G * ax, G * ay])
-    out[(before == 0) & (r > 0)] = born
-    return out
-
-
-@kernel
-def advance(S, before, r, a, born, omega, T):
-    """States (N, 5) one frame later, each by its own regime.
-
-    S : (N, 5) states [x, vx, y, vy, omega]
-    before, r : (N,) regimes of the frame before and of this one: 0 absent, 1 constant velocity, 2 coordinated turn.
-    a : (L, 2) accelerations, constant during the step, one row for each of the L living particles in their order.
-    born : (B, 5) states of those that come alive, 0 -> 1 or 2: they begin there and do not move yet.
-    omega : (O,) turn rates of those that begin to turn, 1 -> 2; all others keep theirs.
-    Absent particles are copied.
-    """
-    out = S.copy()
-    m = b = o = 0
-    for n in range(r.size):
-        if r[n] == 0:
+        before = r[n]
+        after[n] = int(u[n] >= first[before]) + int(u[n] >= second[before])
+        if after[n] == 0:
             continue
-        ax, ay = a[m, 0], a[m, 1]
-        m += 1
-        if before[n] == 0:
-            out[n] = born[b]
+        if before == 0 and redraw:
+            born[b] = n
             b += 1
             continue
-        vx, vy = S[n, 1], S[n, 3]
         along, aside, c, s = T, 0.0, 1.0, 0.0
-        if r[n] == 2:
-            if before[n] == 1:
-                out[n, 4] = omega[o]
-                o += 1
-            h = 0.5 * out[n, 4] * T
+        if after[n] == 2:
+            if before == 1 and len(omegas):
+                left, right = omegas[0, 1] - omegas[0, 0], omegas[1, 1] - omegas[1, 0]
+                v = (u[n] - second[1]) / (1.0 - second[1]) * (left + right)
+                S[n, 4] = omegas[0, 0] + v if v <= left else omegas[1, 0] + v - left
+            h = 0.5 * S[n, 4] * T
             sh, ch = math.sin(h), math.cos(h)
             f = T * sh / h if h != 0.0 else T
             along, aside, c, s = f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch
-        out[n, 0] = S[n, 0] + along * vx - aside * vy + 0.5 * T * T * ax
-        out[n, 1] = c * vx - s * vy + T * ax
-        out[n, 2] = S[n, 2] + aside * vx + along * vy + 0.5 * T * T * ay
-        out[n, 3] = s * vx + c * vy + T * ay
-    return out
+        vx, vy = S[n, 1], S[n, 3]
+        S[n, 0] += along * vx - aside * vy + 0.5 * T * T * a[n, 0]
+        S[n, 1] = c * vx - s * vy + T * a[n, 0]
+        S[n, 2] += aside * vx + along * vy + 0.5 * T * T * a[n, 1]
+        S[n, 3] = s * vx + c * vy + T * a[n, 1]
+    return after, born[:b], S

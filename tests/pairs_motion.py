@@ -15,20 +15,29 @@ def cloud(n, seed=1):
     return S, rng.integers(0, 3, n), rng
 
 
-def step(n, accel, T):
+OMEGAS = np.array([[-0.4, -0.2], [0.2, 0.3]])
+
+
+def step(n, accel=0.1, T=1.0, omegas=OMEGAS, redraw=True):
     S, r, rng = cloud(n)
-    before = rng.integers(0, 3, n)
-    a = accel * rng.standard_normal((np.count_nonzero(r), 2))
-    born = rng.normal(size=(np.count_nonzero((before == 0) & (r > 0)), 5))
-    return S, before, r, a, born, rng.uniform(-0.4, 0.4, np.count_nonzero((before == 1) & (r == 2))), T
+    return r, S, PI, T, rng.random(n), accel * rng.standard_normal((n, 2)), omegas, redraw
+
+
+def edges():
+    """Draws on the edges of the chain's intervals, from every regime."""
+    S, _, _ = cloud(12)
+    u = np.tile([0.0, 0.9, 0.1, np.nextafter(1.0, 0.0)], 3)
+    return np.repeat([0, 1, 2], 4), S, PI, 1.0, u, np.zeros((12, 2)), OMEGAS, True
 
 
 CASES = [
-    ("advance", motion.advance, motion.advance_spec, lambda: step(300, 0.1, 1.0)),
-    ("advance", motion.advance, motion.advance_spec, lambda: step(40, 0.0, 0.25)),
-    ("advance", motion.advance, motion.advance_spec, lambda: step(0, 0.1, 1.0)),
-    ("regimes", motion.regimes, motion.regimes_spec, lambda: (cloud(500)[1], PI, np.random.default_rng(3).random(500))),
-    ("regimes", motion.regimes, motion.regimes_spec, lambda: (np.array([0, 0, 1, 2]), PI, np.array([0.0, 0.9, 0.1, 0.2]))),
-    ("regimes", motion.regimes, motion.regimes_spec, lambda: (np.zeros(0, np.int64), PI, np.zeros(0))),
-    ("regimes", motion.regimes, motion.regimes_spec, lambda: (np.array([0, 1]), np.eye(2), np.array([0.5, 0.999]))),
+    ("transition", motion.transition, motion.transition_spec, args)
+    for args in (
+        lambda: step(500),
+        lambda: step(200, accel=0.0, T=0.25),
+        lambda: step(200, omegas=np.empty((0, 2))),
+        lambda: step(200, redraw=False),
+        lambda: step(0),
+        edges,
+    )
 ]

@@ -36,9 +36,9 @@ FAULTS = [
     Plant(
         "a turning particle turns the other way",
         "tbdcore/motion.py",
-        "S[n, 0] + along * vx - aside * vy",
-        "S[n, 0] + along * vx + aside * vy",
-        "test_pairs.py::test_kernel_equals_its_specification[advance0]",
+        "S[n, 0] += along * vx - aside * vy",
+        "S[n, 0] += along * vx + aside * vy",
+        "test_pairs.py::test_kernel_equals_its_specification[transition0]",
     ),
     Plant(
         "a power of T too few in the process noise",
