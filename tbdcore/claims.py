@@ -352,16 +352,22 @@ class Ledger:
         missing = [id for id in self.claims if id not in self.verdicts]
         if missing:
             raise ValueError(f"{self.paper}: no verdict on {len(missing)} of {len(self.claims)} claims: {', '.join(missing)}")
-        for id, verdict in self.verdicts.items() if self.strict else ():
-            cause = self.claims[id].cause
-            if verdict.verdict == "differs" and not cause:
-                raise ValueError(f"{self.paper}: {id} differs and data/claims/{self.paper}.csv gives no cause: {verdict!r}")
-            if verdict.verdict != "differs" and cause:
-                raise ValueError(
-                    f"{self.paper}: {id} is {verdict.verdict} but data/claims/{self.paper}.csv gives a cause for a difference"
-                )
+        wrong = [complaint for id in self.verdicts if self.strict and (complaint := self._about_cause(id))]
+        if wrong:
+            raise ValueError(f"{self.paper}: {'; '.join(wrong)}; set the column cause of data/claims/{self.paper}.csv right")
         rows = [self.verdicts[id][:9] for id in self.claims]
         return pd.DataFrame(rows, columns=Verdict._fields[:9])
+
+    def _about_cause(self, id):
+        """What is wrong with the cause of a claim, in words; empty when nothing is."""
+        verdict, cause = self.verdicts[id], self.claims[id].cause
+        if verdict.verdict == "differs" and not cause:
+            return f"{id} differs and the file gives no cause ({verdict!r})"
+        return (
+            f"{id} is {verdict.verdict} but the file gives a cause for a difference"
+            if verdict.verdict != "differs" and cause
+            else ""
+        )
 
     def summary(self):
         """One line: how many of each verdict."""
