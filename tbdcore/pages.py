@@ -323,7 +323,7 @@ def execute(paper, given, output, progress=False):
             engine_name=_engine(),
             progress_bar=progress,
             cwd=str(Path.cwd()),
-            extra_arguments=["--IPKernelApp.log_level=40"],  # a kernel's start-up remarks are not the run's
+            extra_arguments=["--IPKernelApp.log_level=50"],  # what a kernel says of its start and its end is not the run's
         )
         os.replace(part, output)
     except PapermillExecutionError as error:
