@@ -9,7 +9,8 @@ traced back (``EMBEDDED``; ``tbdcore which`` reads them).
 
 A notebook's ``Portfolio`` keeps its products in memory.  ``publish``, the notebook's last call, writes them all, each
 beside its place and then renamed, after the ledger of claims has been found complete; products of an earlier run that this
-one no longer makes are removed.  A run that fails or is interrupted leaves the old products as they were.
+one no longer makes are removed.  A run that fails or is interrupted leaves the old products as they were.  A page shows the
+PNG only; with an ``artist``, a process of its own, the PDF and the SVG are drawn while the page goes on, and are the same bytes.
 
 This is the only module that imports matplotlib.  ``COLOURS`` gives each algorithm one colour for the whole repository
 (Okabe and Ito's palette, which the colour-blind can tell apart); ``LINES`` gives it a line style, for print without
@@ -25,15 +26,17 @@ import re
 import signal
 from importlib.metadata import version
 
+import cloudpickle
 import matplotlib
 import numpy as np
 import pandas as pd
+from loky import ProcessPoolExecutor
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from tbdcore import paths
+from tbdcore import paths, trials
 
 STYLE = {
     "figure.dpi": 100,
@@ -114,13 +117,15 @@ class Portfolio:
         Products go to ``folder/<paper>/``.
     provenance : dict
         What made them: parameters, seed, trials, hash of the sources, the command.
+    artist : concurrent.futures.Executor, optional
+        Draws what the page does not show, while the page goes on; without one everything is drawn at once.
     """
 
     colour = COLOURS
     line = LINES
 
-    def __init__(self, paper, folder, provenance):
-        self.paper, self.folder, self.provenance = paper, folder, provenance
+    def __init__(self, paper, folder, provenance, artist=None):
+        self.paper, self.folder, self.provenance, self.artist = paper, folder, provenance, artist
         self.files, self.drawn = {}, {}
         matplotlib.rcParams.update(STYLE)
 
@@ -174,14 +179,19 @@ class Portfolio:
         with matplotlib.rc_context(STYLE):
             fig.draw_without_rendering()  # the layout is worked out once, not once for each format
             fig.set_layout_engine("none")
-            pictures = {extension: _render(fig, id, self.provenance, extension) for extension in EMBEDDED}
-        for extension, content in pictures.items():
-            self.files[f"{name}.{extension}"] = content
+            for extension in EMBEDDED:
+                self.files[f"{name}.{extension}"] = self._draw(fig, id, extension)
         data = self._data(fig) if data is None else data
         if data is not None:
             self.files[f"{name}.csv"] = _csv(data)
         self.files[f"{name}.json"] = self._json(id, caption, claims)
-        return Product(id, caption, pictures["png"])
+        return Product(id, caption, self.files[f"{name}.png"])
+
+    def _draw(self, fig, id, extension):
+        """A picture as bytes; from an artist, the promise of one, unless the page shows it."""
+        if self.artist is None or extension == "png":
+            return _render(fig, id, self.provenance, extension)
+        return self.artist.submit(_render_copy, cloudpickle.dumps(fig), id, self.provenance, extension)
 
     def table(self, frame, name, caption="", claims=()):
         """Keep a table as ``<paper>/<name>`` in CSV, Markdown and LaTeX; returns the frame, which displays itself."""
@@ -199,7 +209,8 @@ class Portfolio:
         """
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": _csv(table)}
-        files = verdicts | self.files  # a product's JSON is the last of its files
+        drawn = {name: content if isinstance(content, bytes) else content.result() for name, content in self.files.items()}
+        files = verdicts | drawn  # a product's JSON is the last of its files
         folder = self.folder / self.paper
         write(folder, files, old=self._abandoned(folder))
         judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
@@ -224,6 +235,13 @@ class Portfolio:
         files = [name for name in self.files if name.partition(".")[0] == id.partition("/")[2]]
         about = {"id": id, "caption": caption, "paper": self.paper, "claims": list(claims), "files": files, **self.provenance}
         return (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def artist():
+    """A process that draws beside this one and ends with it; None on a machine with a single core."""
+    if trials.cores() == 1:
+        return None
+    return ProcessPoolExecutor(max_workers=1, timeout=trials.DAY)
 
 
 def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
@@ -301,6 +319,12 @@ def _render(fig, id, provenance, extension):
     fig.dpi = STYLE["savefig.dpi"]
     getattr(canvas, f"print_{extension}")(buffer, metadata=metadata)  # `savefig` would draw each format twice
     return buffer.getvalue()
+
+
+def _render_copy(pickled, *about):
+    """One picture of a pickled figure, for an artist."""
+    with matplotlib.rc_context(STYLE):
+        return _render(cloudpickle.loads(pickled), *about)
 
 
 def _csv(frame):

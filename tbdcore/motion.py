@@ -20,7 +20,7 @@ straight line.
 regime it comes from.  ``transition`` moves many particles in one pass, first the regime, by one uniform draw each, then the
 state by that regime: 0 absent (the state has no meaning and is left alone), 1 constant velocity, 2 coordinated turn with the
 particle's own turn rate.  It takes the draws as arrays and is a function of numbers, and it returns the list of those that
-came alive: what a birth looks like is the notebook's business.
+came alive.  ``box_states`` makes states from draws where the law of a birth is a box in position and velocity.
 
 Not here: where new targets are born (the notebooks), what is measured (``sensor``, ``kalman``).
 """
@@ -76,6 +76,35 @@ def check_transitions(Pi):
     return Pi
 
 
+@kernel
+def _turn_rate(v, omegas):
+    """The turn rate at the length v along two intervals (2, 2) laid end to end."""
+    left = omegas[0, 1] - omegas[0, 0]
+    return omegas[0, 0] + v if v <= left else omegas[1, 0] + v - left
+
+
+def box_states_spec(u, low, width, omegas):
+    """Specification of :func:`box_states`: quantiles of uniform laws."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.diff(omegas).ravel())])
+    turns = np.interp(u[4] * lengths[-1], np.repeat(lengths, 2)[1:-1], omegas.ravel())
+    return np.column_stack([np.outer(u[d], width[d]) + low[d] for d in range(4)] + [turns])
+
+
+@kernel
+def box_states(u, low, width, omegas):
+    """States (n, 5) = [x, vx, y, vy, omega] of a uniform law, from uniform draws u (5, n).
+
+    low, width : (4,) edge and width of the box of positions and velocities; omegas : (2, 2) intervals of the turn rate, hit in
+    proportion to their lengths.
+    """
+    S, both = np.empty((u.shape[1], 5)), omegas[0, 1] - omegas[0, 0] + omegas[1, 1] - omegas[1, 0]
+    for n in range(len(S)):
+        for d in range(4):
+            S[n, d] = low[d] + width[d] * u[d, n]
+        S[n, 4] = _turn_rate(u[4, n] * both, omegas)
+    return S
+
+
 def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
     """Specification of :func:`transition`: a choice by the cumulative row, an interval by its length, a matrix per particle."""
     after, born = np.zeros_like(r), []
@@ -107,7 +136,7 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
         the list of the born is empty.
     """
     after, born, b = np.empty_like(r), np.empty(r.size, np.int64), 0
-    first, second = Pi[:, 0].copy(), Pi[:, 0] + Pi[:, 1]
+    first, second, both = Pi[:, 0].copy(), Pi[:, 0] + Pi[:, 1], (omegas[:, 1] - omegas[:, 0]).sum()
     for n in range(r.size):
         before = r[n]
         after[n] = int(u[n] >= first[before]) + int(u[n] >= second[before])
@@ -120,9 +149,7 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
         along, aside, c, s = T, 0.0, 1.0, 0.0
         if after[n] == 2:
             if before == 1 and len(omegas):
-                left, right = omegas[0, 1] - omegas[0, 0], omegas[1, 1] - omegas[1, 0]
-                v = (u[n] - second[1]) / (1.0 - second[1]) * (left + right)
-                S[n, 4] = omegas[0, 0] + v if v <= left else omegas[1, 0] + v - left
+                S[n, 4] = _turn_rate((u[n] - second[1]) / (1.0 - second[1]) * both, omegas)
             h = 0.5 * S[n, 4] * T
             sh, ch = math.sin(h), math.cos(h)
             f = T * sh / h if h != 0.0 else T

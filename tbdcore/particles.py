@@ -2,12 +2,14 @@
 
 A filter of this repository carries ``N`` particles: states ``S`` of shape (N, d), one row each, and one weight each.  What
 the data say about particle n arrives as a log-weight ``lw[n]``, because one frame can be worth a factor e**30 and forty frames
-in a row overflow a float.  Three quantities follow, and nothing else about weights is ever needed:
+in a row overflow a float.  What is ever needed of weights:
 
 =======================  ==============================================================================================
 ``normalise(lw)``        the weights ``W``, which sum to one, and the log of the mean un-normalised weight
 ``effective_size(W)``    1 / sum W**2: how many equal weights would be worth as much, from 1 (degenerate) to N
 ``moments(S, W)``        weighted mean (d,) and covariance (d, d)
+``select(lw, M, u)``     the first two and the resampling below, in one pass
+``tally(r, S)``          heads per regime, and the mean state of the living, of particles of equal weight
 =======================  ==============================================================================================
 
 The mean un-normalised weight is the useful one of them: if a particle cloud stands for "the target is present" and its
@@ -27,6 +29,8 @@ The offset is an argument, so the kernel is a function of numbers: one draw ``rn
 one frame of one trial.  Not here: what a state means (``motion``), what a cell says (``sensor``), when to resample (the
 notebooks).
 """
+
+import math
 
 import numpy as np
 
@@ -119,6 +123,54 @@ def systematic(W, M, u):
         n += passed[m]
         ancestors[m] = n
     return ancestors
+
+
+def select_spec(lw, M, u):
+    """Specification of :func:`select`: normalise, then resample."""
+    W, _ = normalise(lw)
+    return systematic_spec(W, M, u), effective_size(W)
+
+
+@kernel
+def select(lw, M, u):
+    """Systematic resampling from log-weights lw (N,): the ancestors (M,), ascending, and the effective size.
+
+    The weights are left un-normalised, which changes neither result.  A log-weight of exactly 0, that of every absent
+    particle, has its exponential taken once for all.
+    """
+    top = lw[0]
+    for v in lw:
+        top = max(top, v)
+    W, zero = np.empty(lw.size), math.exp(-top)
+    total = squares = 0.0
+    for n in range(lw.size):
+        W[n] = w = zero if lw[n] == 0.0 else math.exp(lw[n] - top)
+        total += w
+        squares += w * w
+    if not total > 0.0:
+        raise ValueError("log-weights: one is NaN or inf, or none is finite; correct the frame or the particles")
+    return systematic(W, M, u), total * total / squares
+
+
+def tally_spec(r, S):
+    """Specification of :func:`tally`: masks and means."""
+    alive = r > 0
+    return np.array([(r == a).sum() for a in range(3)]), S[alive].mean(axis=0) if alive.any() else np.full(S.shape[1], np.nan)
+
+
+@kernel
+def tally(r, S):
+    """Number of particles in each of the regimes r (N,), 0 absent, 1, 2, and mean (d,) of the living's states S (N, d).
+
+    NaN if none lives.  Miao and Chen's equations (11) and (12).
+    """
+    counts, total = np.zeros(3, np.int64), np.zeros(S.shape[1])
+    for n in range(r.size):
+        counts[r[n]] += 1
+        if r[n] > 0:
+            for d in range(total.size):
+                total[d] += S[n, d]
+    return counts, total / (r.size - counts[0])
 
 
 # Ancestors' history ----------------------------------------------------------------------------------------------------

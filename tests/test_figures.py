@@ -53,6 +53,17 @@ def test_the_same_figure_has_the_same_bytes(tmp_path):
     assert runs[0].files == runs[1].files
 
 
+def test_an_artist_draws_the_same_bytes(tmp_path, ledger):
+    made = []
+    for artist in (None, figures.artist()):
+        run = figures.Portfolio("toy", tmp_path / str(bool(artist)), PROVENANCE, artist)
+        draw(run)
+        run.publish(ledger)
+        made.append(published(run.folder))
+    assert made[0] == made[1]
+    assert len(made[0]) == 6
+
+
 def test_no_picture_knows_the_date(portfolio):
     draw(portfolio)
     for extension in ("pdf", "svg", "png"):
