@@ -1,4 +1,4 @@
-"""One stage of max-product dynamic programming for track-before-detect, and its back-trace.
+"""Max-product dynamic programming for track-before-detect: the forward pass, stage by stage, and the path back.
 
 A target that moves through K frames leaves its energy along one path; dynamic programming finds the best of all admissible
 paths by keeping, for each state of frame k, only the best way of having come there:
@@ -12,15 +12,16 @@ v' = v + r and the position i - v' + m: r is the change of velocity, m the posit
 ``position`` and ``velocity``
     weights of the slacks: an odd number of them, the middle one for slack 0, and 0 for a slack that is not allowed.
     Conventional: ``ones(2M+1)``, one speed.  Tonissen: ``(0, 1, 1)``, velocity kept.  State-weighted: ``(a, 1, a)`` both.
-``box_stage``        predecessors that keep their velocity and all count the same (eqs. 6 and 7)
-``weighted_stage``   slack of one cell and of one velocity, weight = product of four factors (eqs. 8, 10 with deviation |m|)
-``coupled_stage``    the same set with a weight that is a table over (m, r) per axis (eq. 10 with deviation |m - r|)
-``penalised_stage``  the same set with a price that is subtracted instead of a weight that multiplies
-``*_predecessor``    the best predecessor of one state (eqs. 5, 13, 17)
+``box_forward``        predecessors that keep their velocity and all count the same (eqs. 6 and 7)
+``weighted_forward``   slack of one cell and of one velocity, weight = product of four factors (eqs. 8, 10 with deviation |m|)
+``coupled_forward``    the same set with a weight that is a table over (m, r) per axis (eq. 10 with deviation |m - r|)
+``penalised_forward``  the same set with a price that is subtracted instead of a weight that multiplies
+``*_path``             the best path that ends in one state (eqs. 5, 13, 17, and 19)
 
 Max over products with positive weights is separable on all real numbers, negative ones included, because x -> g x is
-increasing: 81 predecessors cost 6 + 6 operations, 49 cost 7 + 7.  Nothing here takes a logarithm.  An empty maximum is -inf, so
-a state that cannot be reached is -inf for ever, and no finite sentinel has to be told from data.
+increasing: 81 predecessors cost 6 + 6 operations.  Where all weights are 1, the maximum over seven neighbours is one over three
+overlapping maxima over three, so that 49 predecessors cost 6 + 6 as well.  Nothing here takes a logarithm.  An empty maximum is
+-inf, so a state that cannot be reached is -inf for ever, and no finite sentinel has to be told from data.
 
 Layout: frames and value maps stand in a margin of -inf (``margin``), at least as wide as the longest step, so that the edge of
 the picture needs no case of its own.  Maps are stored plane by plane, shape (V, V, X, Y) with X = Nx + 2 margins: a step along
@@ -41,10 +42,26 @@ def margin(frames, width):
     frames = np.asarray(frames)
     if frames.ndim != 3 or 0 in frames.shape:
         raise ValueError(f"frames: shape {frames.shape} is not (K, Nx, Ny) with at least one cell; stack the frames first")
-    if not np.isfinite(frames.sum(dtype=float)) and not np.isfinite(frames).all():
+    K, Nx, Ny = frames.shape
+    framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
+    if _surround(np.ascontiguousarray(frames), width, framed):
         k, i, j = np.argwhere(~np.isfinite(frames))[0]
         raise ValueError(f"frames: {frames[k, i, j]} in frame {k}, cell ({i}, {j}); replace it by the noise mean or drop it")
-    return np.pad(frames, ((0, 0), (width, width), (width, width)), constant_values=-np.inf)
+    return framed
+
+
+@kernel
+def _surround(frames, width, framed):
+    """Copy frames into ``framed`` and return how many of their cells are not finite: what is not, less itself, is not 0."""
+    lost, Ny = 0, frames.shape[2]
+    _fill(framed.reshape(framed.size), -np.inf)
+    for k in range(frames.shape[0]):
+        for i in range(frames.shape[1]):
+            cells, row = frames[k, i], framed[k, i + width, width:][:Ny]
+            for j in range(Ny):
+                row[j] = cells[j]
+                lost += cells[j] - cells[j] != 0
+    return lost
 
 
 def weights(slack, name="slack"):
@@ -70,13 +87,6 @@ def _top(target, first, second, third):
 
 
 @kernel
-def _raise(target, first, second):
-    for x in range(target.size):
-        best = target[x] if target[x] > second[x] else second[x]  # target first: a last comparison with it would be a branch
-        target[x] = first[x] if first[x] > best else best
-
-
-@kernel
 def _top_add(target, first, second, third, term):
     for x in range(target.size):
         best = first[x] if first[x] > second[x] else second[x]
@@ -84,30 +94,22 @@ def _top_add(target, first, second, third, term):
 
 
 @kernel
-def _raise_add(target, first, second, term):
-    for x in range(target.size):
-        best = target[x] if target[x] > second[x] else second[x]
-        target[x] = (first[x] if first[x] > best else best) + term[x]
-
-
-@kernel
-def _window(target, source, start, step, count, term):
+def _window(target, source, start, step, count, term, work):
     """target[x] = max of source[start + x + c step] over c = 0..count-1, plus term[x] where one is given.
 
-    The last slack may be taken twice, so that every pass over the plane compares a fixed number of candidates.
+    Three maxima over ``width`` neighbours, side by side or overlapping, are one over up to 3 ``width``: seven take two passes.
     """
-    n, last = target.size, count - 1
-    one, two = start + min(1, last) * step, start + last * step
-    if count < 4 and term.size:
-        _top_add(target, source[start:][:n], source[one:][:n], source[two:][:n], term)
-        return
-    _top(target, source[start:][:n], source[one:][:n], source[two:][:n])
-    for c in range(2, last, 2):
-        left, right = source[start + c * step :][:n], source[start + min(c + 1, last) * step :][:n]
-        if c + 2 < last or not term.size:
-            _raise(target, left, right)
-        else:
-            _raise_add(target, left, right, term)
+    n, width, source, turn = target.size, 1, source[start:], 0
+    while 3 * width < count:
+        wider = work[turn, : n + (count - 3 * width) * step]
+        _top(wider, source, source[width * step :], source[2 * width * step :])
+        source, width, turn = wider, 3 * width, 1 - turn
+    far = count - width
+    middle, last = source[(far + 1) // 2 * step :], source[far * step :]
+    if term.size:
+        _top_add(target, source, middle, last, term)
+    else:
+        _top(target, source, middle, last)
 
 
 @kernel
@@ -182,8 +184,16 @@ def _sides(weight, additive):
 # Specifications -----------------------------------------------------------------------------------------------------------
 
 
-def _dense(previous, frame, table, slowest, out, combine):
-    """Every predecessor of every state, whole planes at a time; table: position slack, velocity change; NaN leaves one out."""
+def _dense(z, table, slowest, I, combine):
+    """All value maps by the dense stage; table: position slack, velocity change; NaN leaves one out."""
+    I[0] = z[0]
+    for k in range(1, len(z)):
+        _dense_stage(I[k - 1], z[k], table, slowest, I[k], combine)
+    return I
+
+
+def _dense_stage(previous, frame, table, slowest, out, combine):
+    """Every predecessor of every state, whole planes at a time."""
     V, (dm, dr) = len(previous), np.array(table.shape) // 2
     out[:] = -np.inf
     slacks = [(m, r) for m in range(-dm, dm + 1) for r in range(-dr, dr + 1) if not np.isnan(table[m + dm, r + dr])]
@@ -194,7 +204,6 @@ def _dense(previous, frame, table, slowest, out, combine):
             value = combine(combine(moved, table[n + dm, s + dr]), table[m + dm, r + dr])
             np.maximum(out[iv, jv], value, out=out[iv, jv])
     out += frame
-    return out
 
 
 def _nan_where_zero(table):
@@ -221,46 +230,70 @@ def _best_of(values, states):
     return tuple(int(index) for index in states[values.argmax()])
 
 
-# Forward stages -----------------------------------------------------------------------------------------------------------
+def _path_of(I, state, table, slowest, combine):
+    """Best path to a state: the best of all predecessors, again and again; four times -1 is its own predecessor."""
+    path = [state]
+    for previous in I[-2::-1]:
+        lost = path[-1][0] < 0
+        path.append(path[-1] if lost else _best_of(*_candidates(previous, path[-1], table, slowest, combine)))
+    return np.array(path[::-1])
 
 
-def box_stage_spec(previous, frame, position, slowest, reach, out):
-    """Specification of :func:`box_stage`: all pairs of slacks."""
-    table = np.where(position > 0, 1.0, np.nan)[:, None]
-    return _dense(previous, frame, table, slowest, out, np.multiply)
+# Forward pass -------------------------------------------------------------------------------------------------------------
 
 
 @kernel
-def box_stage(previous, frame, position, slowest, reach, out):
-    """Eqs. (4), (6), (7): the velocity is kept and all allowed slacks count the same.  Writes I_k into ``out`` and returns it.
+def _start(z, I):
+    """Eq. (14): before the second frame every velocity has gathered the same."""
+    for iv in range(I.shape[1]):
+        for jv in range(I.shape[2]):
+            I[0, iv, jv, :, :] = z[0]
 
-    previous, out : (V, V, X, Y) value maps in the margin layout; frame : (X, Y) in its margin.
-    position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours.
-    slowest : velocity of index 0, cells/frame; reach : width of the margin, at least d + the fastest velocity.
-    """
+
+@kernel
+def _box_stage(previous, frame, position, slowest, reach, out, work):
     V, Y, d = previous.shape[0], previous.shape[3], position.size // 2
     lo, n = _room(previous.shape, d, slowest, reach)
     first, count = _allowed(position)
-    z, rows = frame.reshape(frame.size), np.empty(frame.size, previous.dtype)
+    z, rows, more = frame.reshape(frame.size), work[0], work[1:]
     _edge(rows, lo, n)
     for iv in range(V):
         for jv in range(V):
             source, target = previous[iv, jv].reshape(frame.size), out[iv, jv].reshape(frame.size)
-            _window(rows[lo:][:n], source, lo + first - d - slowest - jv, 1, count, z[:0])
-            _window(target[lo:][:n], rows, lo + (first - d - slowest - iv) * Y, Y, count, z[lo:])
+            _window(rows[lo:][:n], source, lo + first - d - slowest - jv, 1, count, z[:0], more)
+            _window(target[lo:][:n], rows, lo + (first - d - slowest - iv) * Y, Y, count, z[lo:], more)
             _edge(target, lo, n)
-    return out
+
+
+def box_forward_spec(z, position, slowest, reach, I):
+    """Specification of :func:`box_forward`: all pairs of slacks."""
+    return _dense(z, np.where(position > 0, 1.0, np.nan)[:, None], slowest, I, np.multiply)
 
 
 @kernel
-def _extended_stage(previous, frame, position, velocity, slowest, reach, additive, out):
+def box_forward(z, position, slowest, reach, I):
+    """Eqs. (4), (6), (7), (14): the velocity is kept, all allowed slacks count the same.  Writes the maps I and returns them.
+
+    z : (K, X, Y) frames in their margin; I : (K, V, V, X, Y) value maps in the same layout.
+    position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours.
+    slowest : velocity of index 0, cells/frame; reach : width of the margin, at least d + the fastest velocity.
+    """
+    work = np.empty((3, z.shape[1] * z.shape[2]), I.dtype)
+    _start(z, I)
+    for k in range(1, len(z)):
+        _box_stage(I[k - 1], z[k], position, slowest, reach, I[k], work)
+    return I
+
+
+@kernel
+def _extended_stage(previous, frame, position, velocity, slowest, reach, additive, out, best):
     """Axis by axis: the best position slack of each velocity, then the best change of velocity; ``out`` holds the half-way map."""
     V, Y = previous.shape[0], previous.shape[3]
     lo, n = _room(previous.shape, 1, slowest, reach)
     m0, m2 = _sides(position, additive)
     r0, r2 = _sides(velocity, additive)
     a, b, c = position[m0], position[1], position[m2]
-    z, planes, best = frame.reshape(frame.size), out.reshape(V, V, frame.size), np.empty((V, n), previous.dtype)
+    z, planes = frame.reshape(frame.size), out.reshape(V, V, frame.size)
     for axis in range(2):
         step = Y if axis else 1
         for u in range(V):  # the velocity index of the other axis
@@ -280,53 +313,50 @@ def _extended_stage(previous, frame, position, velocity, slowest, reach, additiv
                     _edge(target, lo, n)
 
 
-def weighted_stage_spec(previous, frame, position, velocity, slowest, reach, out):
-    """Specification of :func:`weighted_stage`: all 81 predecessors of every state."""
-    return _dense(previous, frame, _nan_where_zero(np.outer(position, velocity)), slowest, out, np.multiply)
+@kernel
+def _extended(z, position, velocity, slowest, reach, additive, I):
+    best = np.empty((I.shape[1], _room(I.shape[1:], 1, slowest, reach)[1]), I.dtype)
+    _start(z, I)
+    for k in range(1, len(z)):
+        _extended_stage(I[k - 1], z[k], position, velocity, slowest, reach, additive, I[k], best)
+
+
+def weighted_forward_spec(z, position, velocity, slowest, reach, I):
+    """Specification of :func:`weighted_forward`: all 81 predecessors of every state."""
+    return _dense(z, _nan_where_zero(np.outer(position, velocity)), slowest, I, np.multiply)
 
 
 @kernel
-def weighted_stage(previous, frame, position, velocity, slowest, reach, out):
+def weighted_forward(z, position, velocity, slowest, reach, I):
     """Eqs. (8), (12) with g a product: position[m] velocity[r] on each axis, slacks -1, 0, 1, weight 0 for a slack left out.
 
-    Arrays as in :func:`box_stage`; position, velocity : (3,) of the data's type, positive in the middle.  The reading
+    Arrays as in :func:`box_forward`; position, velocity : (3,) of the data's type, positive in the middle.  The reading
     Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
     """
-    _extended_stage(previous, frame, position, velocity, slowest, reach, False, out)
-    return out
+    _extended(z, position, velocity, slowest, reach, False, I)
+    return I
 
 
-def penalised_stage_spec(previous, frame, position, velocity, slowest, reach, out):
-    """Specification of :func:`penalised_stage`: all 81 predecessors of every state."""
-    return _dense(previous, frame, np.add.outer(position, velocity), slowest, out, np.subtract)
+def penalised_forward_spec(z, position, velocity, slowest, reach, I):
+    """Specification of :func:`penalised_forward`: all 81 predecessors of every state."""
+    return _dense(z, np.add.outer(position, velocity), slowest, I, np.subtract)
 
 
 @kernel
-def penalised_stage(previous, frame, position, velocity, slowest, reach, out):
+def penalised_forward(z, position, velocity, slowest, reach, I):
     """I_k = z_k + max (I_{k-1} - position[m] - velocity[r] - the same on the other axis): prices, inf for a slack left out.
 
     Not in the paper.  A price of lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
-    _extended_stage(previous, frame, position, velocity, slowest, reach, True, out)
-    return out
-
-
-def coupled_stage_spec(previous, frame, table, slowest, reach, out):
-    """Specification of :func:`coupled_stage`: all 81 predecessors of every state."""
-    return _dense(previous, frame, table, slowest, out, np.multiply)
+    _extended(z, position, velocity, slowest, reach, True, I)
+    return I
 
 
 @kernel
-def coupled_stage(previous, frame, table, slowest, reach, out):
-    """Eqs. (8), (12) with g = table[m, r] table[n, s]: position slack and velocity change of an axis weighted together.
-
-    table : (3, 3) of the data's type, position slack first, all positive.  Eq. (10) to the letter, Delta_i = |m - r|, is
-    table[m, r] = a**(|m - r| + |r|), which is no product of a function of m and one of r.
-    """
+def _coupled_stage(previous, frame, table, slowest, reach, out, rows):
     V, Y = previous.shape[0], previous.shape[3]
     lo, n = _room(previous.shape, 1, slowest, reach)
-    z, planes, rows = frame.reshape(frame.size), out.reshape(V, V, frame.size), np.empty((V, frame.size), previous.dtype)
-    _fill(rows.reshape(rows.size), -np.inf)
+    z, planes = frame.reshape(frame.size), out.reshape(V, V, frame.size)
     for jv in range(V):
         for u in range(V):
             _fill(rows[u, lo:][:n], -np.inf)
@@ -340,14 +370,33 @@ def coupled_stage(previous, frame, table, slowest, reach, out):
                 source, o, g = rows[u], lo - (slowest + u) * Y, table[:, u - iv + 1]
                 _raise_products(target, source[o - Y :][:n], source[o:][:n], source[o + Y :][:n], g[0], g[1], g[2])
             _add(target, z[lo:])
-    return out
+
+
+def coupled_forward_spec(z, table, slowest, reach, I):
+    """Specification of :func:`coupled_forward`: all 81 predecessors of every state."""
+    return _dense(z, table, slowest, I, np.multiply)
+
+
+@kernel
+def coupled_forward(z, table, slowest, reach, I):
+    """Eqs. (8), (12) with g = table[m, r] table[n, s]: position slack and velocity change of an axis weighted together.
+
+    table : (3, 3) of the data's type, position slack first, all positive.  Eq. (10) to the letter, Delta_i = |m - r|, is
+    table[m, r] = a**(|m - r| + |r|), which is no product of a function of m and one of r.
+    """
+    rows = np.empty((I.shape[1], z.shape[1] * z.shape[2]), I.dtype)
+    _fill(rows.reshape(rows.size), -np.inf)
+    _start(z, I)
+    for k in range(1, len(z)):
+        _coupled_stage(I[k - 1], z[k], table, slowest, reach, I[k], rows)
+    return I
 
 
 # Back-trace ---------------------------------------------------------------------------------------------------------------
 
 
 @kernel
-def _search(previous, state, position, velocity, slowest, additive):
+def _predecessor(previous, state, position, velocity, slowest, additive):
     """Predecessor of largest value; operations in the order of the forward pass, the first one wins a tie."""
     V, X, Y = previous.shape[1:]
     dm, dr = position.size // 2, velocity.size // 2
@@ -376,40 +425,9 @@ def _search(previous, state, position, velocity, slowest, additive):
     return found
 
 
-def weighted_predecessor_spec(previous, state, position, velocity, slowest):
-    """Specification of :func:`weighted_predecessor`: argmax over the list of all predecessors."""
-    return _best_of(*_candidates(previous, state, _nan_where_zero(np.outer(position, velocity)), slowest, np.multiply))
-
-
 @kernel
-def weighted_predecessor(previous, state, position, velocity, slowest):
-    """Eqs. (5), (13): the best predecessor of ``state`` under box_stage (velocity = ones(1)) or weighted_stage.
-
-    previous : (V, V, X, Y) value map of the frame before; state : (iv, jv, i, j), i and j counted in the margin layout.
-    Returns a state of the same form, four times -1 when no predecessor can be reached.
-    """
-    return _search(previous, state, position, velocity, slowest, False)
-
-
-def penalised_predecessor_spec(previous, state, position, velocity, slowest):
-    """Specification of :func:`penalised_predecessor`: argmax over the list of all predecessors."""
-    return _best_of(*_candidates(previous, state, np.add.outer(position, velocity), slowest, np.subtract))
-
-
-@kernel
-def penalised_predecessor(previous, state, position, velocity, slowest):
-    """The best predecessor of ``state`` under penalised_stage; see :func:`weighted_predecessor`."""
-    return _search(previous, state, position, velocity, slowest, True)
-
-
-def coupled_predecessor_spec(previous, state, table, slowest):
-    """Specification of :func:`coupled_predecessor`: argmax over the list of all predecessors."""
-    return _best_of(*_candidates(previous, state, table, slowest, np.multiply))
-
-
-@kernel
-def coupled_predecessor(previous, state, table, slowest):
-    """The best predecessor of ``state`` under coupled_stage; see :func:`weighted_predecessor`."""
+def _coupled_predecessor(previous, state, table, slowest):
+    """The same for a weight that is a table."""
     V, X, Y = previous.shape[1:]
     best, found = -np.inf, (-1, -1, -1, -1)
     for n in range(-1, 2):
@@ -423,3 +441,66 @@ def coupled_predecessor(previous, state, table, slowest):
                         if value > best:
                             best, found = value, (u, w, x, y)
     return found
+
+
+@kernel
+def _write(path, k, state):
+    for c in range(4):
+        path[k, c] = state[c]
+
+
+@kernel
+def _path(I, state, position, velocity, slowest, additive):
+    path = np.full((len(I), 4), -1)
+    _write(path, len(I) - 1, state)
+    for k in range(len(I) - 2, -1, -1):
+        state = _predecessor(I[k], state, position, velocity, slowest, additive)
+        if state[0] < 0:
+            break
+        _write(path, k, state)
+    return path
+
+
+def weighted_path_spec(I, state, position, velocity, slowest):
+    """Specification of :func:`weighted_path`: argmax over the list of all predecessors, frame by frame."""
+    return _path_of(I, state, _nan_where_zero(np.outer(position, velocity)), slowest, np.multiply)
+
+
+@kernel
+def weighted_path(I, state, position, velocity, slowest):
+    """Eqs. (13), (19): the best path that ends in ``state``, under box_forward (velocity = ones(1)) or weighted_forward.
+
+    I : (K, V, V, X, Y) value maps of K frames, of which the last one is not looked at; state : (iv, jv, i, j) in frame K, i and j
+    counted in the margin layout.  Returns states of the same form, (K, 4) of int; four times -1 from where no predecessor can be
+    reached.
+    """
+    return _path(I, state, position, velocity, slowest, False)
+
+
+def penalised_path_spec(I, state, position, velocity, slowest):
+    """Specification of :func:`penalised_path`: argmax over the list of all predecessors, frame by frame."""
+    return _path_of(I, state, np.add.outer(position, velocity), slowest, np.subtract)
+
+
+@kernel
+def penalised_path(I, state, position, velocity, slowest):
+    """The best path that ends in ``state`` under penalised_forward; see :func:`weighted_path`."""
+    return _path(I, state, position, velocity, slowest, True)
+
+
+def coupled_path_spec(I, state, table, slowest):
+    """Specification of :func:`coupled_path`: argmax over the list of all predecessors, frame by frame."""
+    return _path_of(I, state, table, slowest, np.multiply)
+
+
+@kernel
+def coupled_path(I, state, table, slowest):
+    """The best path that ends in ``state`` under coupled_forward; see :func:`weighted_path`."""
+    path = np.full((len(I), 4), -1)
+    _write(path, len(I) - 1, state)
+    for k in range(len(I) - 2, -1, -1):
+        state = _coupled_predecessor(I[k], state, table, slowest)
+        if state[0] < 0:
+            break
+        _write(path, k, state)
+    return path

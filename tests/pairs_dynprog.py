@@ -12,31 +12,33 @@ PRICE = np.array([0.3, 0.0, np.inf])
 LITERAL = np.array([[0.95 ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
 
 
-def maps(V=2 * M, shape=(9, 7), reach=4, shift=0.0, lost=0.3, seed=3):
-    """A value map, a frame and a place for the result; some states unreachable, everything negative where shift says so."""
+def frames(K=3, shape=(9, 7), reach=4, shift=0.0, lost=0.3, seed=3):
+    """Frames in their margin; some cells, and so the states that pass through them, at -inf; all negative where shift says so."""
     rng = np.random.default_rng(seed)
-    inside = (slice(reach, reach + shape[0]), slice(reach, reach + shape[1]))
-    full = tuple(n + 2 * reach for n in shape)
-    previous, frame = np.full((V, V, *full), -np.inf), np.full(full, -np.inf)
-    values = rng.normal(shift, 1.0, (V, V, *shape))
-    previous[(..., *inside)] = np.where(rng.random(values.shape) < lost, -np.inf, values)
-    frame[inside] = rng.normal(shift, 1.0, shape)
-    return previous, frame, np.full_like(previous, np.nan)
+    z = np.full((K, shape[0] + 2 * reach, shape[1] + 2 * reach), -np.inf)
+    values = rng.normal(shift, 1.0, (K, *shape))
+    z[:, reach : reach + shape[0], reach : reach + shape[1]] = np.where(rng.random(values.shape) < lost, -np.inf, values)
+    return z
 
 
-def stage(weights, slowest=SLOWEST, reach=4, **about):
-    """Arguments of a forward stage."""
-    previous, frame, out = maps(reach=reach, **about)
-    return previous, frame, *weights, slowest, reach, out
+def forward(weights, slowest=SLOWEST, reach=4, V=2 * M, **about):
+    """Arguments of a forward pass."""
+    z = frames(reach=reach, **about)
+    return z, *weights, slowest, reach, np.full((len(z), V, V, *z.shape[1:]), np.nan)
 
 
-def back(weights, state, slowest=SLOWEST, **about):
-    """Arguments of a back-trace step."""
-    return maps(**about)[0], state, *weights, slowest
+def back(weights, state, slowest=SLOWEST, V=2 * M, **about):
+    """Arguments of a path back through four value maps that need not come from any forward pass."""
+    I = frames(K=4 * V * V, **about)
+    return I.reshape(4, V, V, *I.shape[1:]), state, *weights, slowest
 
 
-DATA = ({}, {"shift": -5.0}, {"shape": (1, 1), "lost": 0.0}, {"lost": 1.0}, {"shape": (50, 50), "lost": 0.0})
+DATA = (
+    *({}, {"shift": -5.0}, {"shape": (1, 1), "lost": 0.0}, {"lost": 1.0}, {"K": 1}),
+    {"K": 2, "shape": (50, 50), "lost": 0.0},
+)
 BOXES = ((np.ones(7), 0, 1, 3), (np.ones(1), 0, 1, 2), (np.array([0.0, 1, 1]), SLOWEST, 6, 4), (np.ones(3), SLOWEST, 6, 5))
+BOXES += tuple((np.ones(n), 0, 1, n // 2) for n in (5, 9, 11, 19, 29)) + ((np.array([0.0, 1, 1, 1, 1]), SLOWEST, 6, 5),)
 FAMILIES = (
     ("weighted", (ASIDE, ASIDE)),
     ("weighted", (LEFT_OUT, np.array([0.0, 1.0, 0.0]))),
@@ -53,22 +55,22 @@ def pair(name):
 
 
 CASES = [
-    ("box_stage", *pair("box_stage"), lambda w=w, v=v, V=V, r=r, about=about: stage((w,), v, r, V=V, **about))
+    ("box_forward", *pair("box_forward"), lambda w=w, v=v, V=V, r=r, about=about: forward((w,), v, r, V, **about))
     for w, v, V, r in BOXES
     for about in DATA
 ]
 CASES += [
-    (f"{name}_stage", *pair(f"{name}_stage"), lambda weights=weights, about=about: stage(weights, **about))
+    (f"{name}_forward", *pair(f"{name}_forward"), lambda weights=weights, about=about: forward(weights, **about))
     for name, weights in FAMILIES
     for about in DATA
 ]
 CASES += [
-    (f"{name}_predecessor", *pair(f"{name}_predecessor"), lambda w=weights, state=state, about=about: back(w, state, **about))
+    (f"{name}_path", *pair(f"{name}_path"), lambda w=weights, state=state, about=about: back(w, state, **about))
     for name, weights in FAMILIES
     for state in STATES
     for about in ({}, {"shift": -5.0}, {"lost": 1.0})
 ]
 CASES += [
-    ("weighted_predecessor", *pair("weighted_predecessor"), lambda V=V, v=v, w=w: back((w, np.ones(1)), (0, 0, 6, 6), v, V=V))
+    ("weighted_path", *pair("weighted_path"), lambda V=V, v=v, w=w: back((w, np.ones(1)), (0, 0, 6, 6), v, V=V))
     for w, v, V, _ in BOXES
 ]

@@ -15,43 +15,38 @@ LITERAL = np.array([[A ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-
 
 
 def algorithm(name, M):
-    """(number of velocities, slowest, stage, step back) of an algorithm with maximum speed M; the margin is M + 1."""
-    back = dynprog.weighted_predecessor
+    """(number of velocities, slowest, forward pass, path to a state) of an algorithm with maximum speed M; margin M + 1."""
+    back = dynprog.weighted_path
     fixed = {"conventional": np.ones(2 * M + 1), "tonissen": np.array([0.0, 1.0, 1.0]), "unweighted": np.ones(3)}
     if name == "conventional":
         w = fixed[name]
-        return 1, 0, lambda I, z, out: dynprog.box_stage(I, z, w, 0, M + 1, out), lambda I, x: back(I, x, w, ONE, 0)
+        return 1, 0, lambda z, I: dynprog.box_forward(z, w, 0, M + 1, I), lambda I, x: back(I, x, w, ONE, 0)
     v = 1 - M
     if name == "tonissen":
         w = fixed[name]
-        return 2 * M, v, lambda I, z, out: dynprog.box_stage(I, z, w, v, M + 1, out), lambda I, x: back(I, x, w, ONE, v)
+        return 2 * M, v, lambda z, I: dynprog.box_forward(z, w, v, M + 1, I), lambda I, x: back(I, x, w, ONE, v)
     if name == "literal":
-        step = dynprog.coupled_predecessor
+        step = dynprog.coupled_path
         return (
             *(2 * M, v),
-            lambda I, z, out: dynprog.coupled_stage(I, z, LITERAL, v, M + 1, out),
+            lambda z, I: dynprog.coupled_forward(z, LITERAL, v, M + 1, I),
             lambda I, x: step(I, x, LITERAL, v),
         )
     if name == "penalised":
-        c, step = np.array([0.4, 0.0, 0.4]), dynprog.penalised_predecessor
-        return 2 * M, v, lambda I, z, out: dynprog.penalised_stage(I, z, c, c, v, M + 1, out), lambda I, x: step(I, x, c, c, v)
+        c, step = np.array([0.4, 0.0, 0.4]), dynprog.penalised_path
+        return 2 * M, v, lambda z, I: dynprog.penalised_forward(z, c, c, v, M + 1, I), lambda I, x: step(I, x, c, c, v)
     w = ASIDE if name == "weighted" else fixed[name]
-    return 2 * M, v, lambda I, z, out: dynprog.weighted_stage(I, z, w, w, v, M + 1, out), lambda I, x: back(I, x, w, w, v)
+    return 2 * M, v, lambda z, I: dynprog.weighted_forward(z, w, w, v, M + 1, I), lambda I, x: back(I, x, w, w, v)
 
 
 def solve(z, name, M):
     """Value maps without their margin (K, V, V, Nx, Ny), and the best path of states, cells counted from 0."""
-    V, _, stage, back = algorithm(name, M)
+    V, _, forward, back = algorithm(name, M)
     z = dynprog.margin(z, M + 1)
-    I = np.empty((len(z), V, V, *z.shape[1:]))
-    I[0] = z[0]
-    for k in range(1, len(z)):
-        stage(I[k - 1], z[k], I[k])
-    path = [np.unravel_index(I[-1].argmax(), I[-1].shape)]
-    for previous in I[-2::-1]:
-        path.append(back(previous, path[-1]))
+    I = forward(z, np.empty((len(z), V, V, *z.shape[1:])))
+    path = back(I, np.unravel_index(I[-1].argmax(), I[-1].shape))
     inside = slice(M + 1, -M - 1)
-    return I[..., inside, inside], np.array(path[::-1]) - [0, 0, M + 1, M + 1]
+    return I[..., inside, inside], path - [0, 0, M + 1, M + 1]
 
 
 NAMES = ("conventional", "tonissen", "weighted", "literal", "unweighted", "penalised")
@@ -127,7 +122,7 @@ def test_some_states_of_the_enumeration_cannot_be_reached():
 # Peers and closed forms -----------------------------------------------------------------------------------------------------
 
 
-def test_conventional_stage_is_a_maximum_filter():
+def test_conventional_forward_pass_is_a_maximum_filter():
     z = np.random.default_rng(2).normal(-3.0, 1.0, (2, 50, 50))
     I, _ = solve(z, "conventional", 3)
     theirs = z[1] + ndimage.maximum_filter(z[0], size=7, mode="constant", cval=-np.inf)
@@ -161,11 +156,11 @@ def test_a_noise_free_track_keeps_a_geometric_share_of_its_energy(dx, g):
 
 
 def test_weighted_equals_coupled_where_the_table_is_a_product():
-    z = np.random.default_rng(8).normal(-1.0, 1.0, (2, 12, 9))
-    previous, frame = dynprog.margin(np.repeat(z[:1], 36, 0), 4).reshape(6, 6, 20, 17), dynprog.margin(z[1:], 4)[0]
-    ours = dynprog.weighted_stage(previous, frame, ASIDE, ASIDE, -2, 4, np.empty_like(previous))
-    theirs = dynprog.coupled_stage(previous, frame, np.outer(ASIDE, ASIDE), -2, 4, np.empty_like(previous))
-    np.testing.assert_allclose(ours, theirs, rtol=1e-13)
+    z = dynprog.margin(np.random.default_rng(8).normal(-1.0, 1.0, (4, 12, 9)), 4)
+    ours, theirs = np.empty((2, 4, 6, 6, 20, 17))
+    dynprog.weighted_forward(z, ASIDE, ASIDE, -2, 4, ours)
+    dynprog.coupled_forward(z, np.outer(ASIDE, ASIDE), -2, 4, theirs)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-14)
 
 
 def test_unreachable_final_states_are_counted():
@@ -223,10 +218,7 @@ def test_a_larger_set_never_lowers_a_value():
 
 def test_single_precision_rounds_and_does_nothing_else():
     z, w = dynprog.margin(DATA.astype(np.float32), 4), ASIDE.astype(np.float32)
-    I = np.empty((len(z), 6, 6, *z.shape[1:]), np.float32)
-    I[0] = z[0]
-    for k in range(1, len(z)):
-        dynprog.weighted_stage(I[k - 1], z[k], w, w, -2, 4, I[k])
+    I = dynprog.weighted_forward(z, w, w, -2, 4, np.empty((len(z), 6, 6, *z.shape[1:]), np.float32))
     np.testing.assert_allclose(I[-1][..., 4:-4, 4:-4], solve(DATA, "weighted", 3)[0][-1], rtol=2e-6, atol=2e-6)
 
 
@@ -260,6 +252,6 @@ def test_a_margin_that_a_step_could_leave_is_refused():
     z = dynprog.margin(np.zeros((2, 6, 6)), 2)
     I = np.empty((2, 1, 1, 10, 10))
     with pytest.raises(ValueError, match="margin"):
-        dynprog.box_stage(I[0], z[1], np.ones(7), 0, 2, I[1])
+        dynprog.box_forward(z, np.ones(7), 0, 2, I)
     with pytest.raises(ValueError, match="three weights"):
-        dynprog.weighted_stage(I[0], z[1], np.ones(5), np.ones(3), 0, 2, I[1])
+        dynprog.weighted_forward(z, np.ones(5), np.ones(3), 0, 2, I)

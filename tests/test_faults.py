@@ -155,9 +155,9 @@ FAULTS = [
     Plant(
         "a window one cell too narrow",
         "tbdcore/dynprog.py",
-        "n, last = target.size, count - 1",
-        "n, last = target.size, count - 2",
-        "test_dynprog.py::test_conventional_stage_is_a_maximum_filter",
+        "far = count - width",
+        "far = count - width - 1",
+        "test_dynprog.py::test_conventional_forward_pass_is_a_maximum_filter",
     ),
     Plant(
         "the power after the assignment",
