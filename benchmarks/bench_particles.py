@@ -1,9 +1,9 @@
 """Particles: the kernels of a particle filter on 4000 particles, and whole trials of 60 frames of 30 x 20 cells.
 
-The peer of the kernels is vectorised NumPy, written as one would without a compiler: all patches gathered in one array,
-masks for the regimes, a sorted search for the resampling.  The trials are those of the page ``mm_pf_tbd``; their peer is the
-same page with these three functions in the place of the kernels, so that both columns draw the same random numbers and do the
-same work.  The limit of a trial is the cost that was asked for.
+The peer of the kernels is vectorised NumPy, written as one would without a compiler: all patches gathered in one array, masks
+for the regimes, a sorted search for the resampling, indices for the copies.  The trials are those of the page ``mm_pf_tbd``;
+their peer is the same page with these functions in the place of the kernels, so that both columns draw the same random
+numbers and do the same work.  The limit of a trial is the cost that was asked for.
 """
 
 from dataclasses import replace
@@ -63,7 +63,10 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
 NUMPY = {
     "blob_log_ratio": log_ratio,
     "transition": transition,
+    "box_states": motion.box_states_spec,
     "systematic": particles.systematic_spec,
+    "select": particles.select_spec,
+    "copies": particles.copies_spec,
 }
 
 
@@ -75,13 +78,18 @@ def cloud():
 
 
 def kernels():
-    """Arguments of the three kernels."""
+    """The kernels, their specifications and arguments."""
     rng, S, r, z = cloud()
     u, a, omegas = rng.random(N), rng.normal(0.0, 0.1, (N, 2)), np.array([[-0.4, -0.2], [0.2, 0.4]])
-    W, _ = particles.normalise(sensor.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE))
+    lw = sensor.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE)
+    W, _ = particles.normalise(lw)
+    low, width = np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 4.0])
     yield sensor.blob_log_ratio, sensor.blob_log_ratio_spec, (z, S, r, PEAK, BLUR, NOISE)
     yield motion.transition, motion.transition_spec, (r, S.copy(), PI, 1.0, u, a, omegas, True)
+    yield motion.box_states, motion.box_states_spec, (rng.random((5, N)), low, width, omegas)
     yield particles.systematic, particles.systematic_spec, (W, N // 2, 0.3)
+    yield particles.select, particles.select_spec, (lw, N // 2, 0.3)
+    yield particles.copies, particles.copies_spec, (r, S, particles.systematic(W, N // 2, 0.3))
 
 
 def trials():

@@ -9,7 +9,7 @@ in a row overflow a float.  What is ever needed of weights:
 ``effective_size(W)``    1 / sum W**2: how many equal weights would be worth as much, from 1 (degenerate) to N
 ``moments(S, W)``        weighted mean (d,) and covariance (d, d)
 ``select(lw, M, u)``     the first two and the resampling below, in one pass
-``tally(r, S)``          heads per regime, and the mean state of the living, of particles of equal weight
+``copies(r, S, n)``      the resampled particles, their number in each regime, and the mean state of the living
 =======================  ==============================================================================================
 
 The mean un-normalised weight is the useful one of them: if a particle cloud stands for "the target is present" and its
@@ -101,11 +101,17 @@ def systematic(W, M, u):
     arrows, and the ancestor of an arrow is the number of ends before it: no branch depends on where the weight is.
     """
     total = 0.0
-    last = 0
-    for n in range(W.size):
-        total += W[n]
-        if W[n] > 0.0:
-            last = n
+    for w in W:
+        total += w
+    return _arrows(W, total, M, u)
+
+
+@kernel
+def _arrows(W, total, M, u):
+    """The ancestors of :func:`systematic`, given the sum of the weights."""
+    last = W.size - 1
+    while W[last] <= 0.0:
+        last -= 1
     step, dense = total / M, M / total
     passed = np.zeros(M + 1, np.int64)  # passed[m]: particles that end between arrow m - 1 and arrow m
     c = 0.0
@@ -128,19 +134,18 @@ def systematic(W, M, u):
 def select_spec(lw, M, u):
     """Specification of :func:`select`: normalise, then resample."""
     W, _ = normalise(lw)
-    return systematic_spec(W, M, u), effective_size(W)
+    ancestors = systematic_spec(W, M, u)
+    return ancestors, effective_size(W), len(set(ancestors))
 
 
 @kernel
 def select(lw, M, u):
-    """Systematic resampling from log-weights lw (N,): the ancestors (M,), ascending, and the effective size.
+    """Systematic resampling from log-weights lw (N,): ancestors (M,), ascending, effective size, number of different ancestors.
 
     The weights are left un-normalised, which changes neither result.  A log-weight of exactly 0, that of every absent
     particle, has its exponential taken once for all.
     """
-    top = lw[0]
-    for v in lw:
-        top = max(top, v)
+    top = lw.max()
     W, zero = np.empty(lw.size), math.exp(-top)
     total = squares = 0.0
     for n in range(lw.size):
@@ -149,28 +154,35 @@ def select(lw, M, u):
         squares += w * w
     if not total > 0.0:
         raise ValueError("log-weights: one is NaN or inf, or none is finite; correct the frame or the particles")
-    return systematic(W, M, u), total * total / squares
+    ancestors = _arrows(W, total, M, u)
+    different = 1
+    for m in range(1, M):
+        different += int(ancestors[m] != ancestors[m - 1])
+    return ancestors, total * total / squares, different
 
 
-def tally_spec(r, S):
-    """Specification of :func:`tally`: masks and means."""
-    alive = r > 0
-    return np.array([(r == a).sum() for a in range(3)]), S[alive].mean(axis=0) if alive.any() else np.full(S.shape[1], np.nan)
+def copies_spec(r, S, ancestors):
+    """Specification of :func:`copies`: fancy indices, masks and means."""
+    r, S = r[ancestors], S[ancestors]
+    mean = S[r > 0].mean(axis=0) if r.any() else np.full(S.shape[1], np.nan)
+    return r, S, np.bincount(r, minlength=3), mean
 
 
 @kernel
-def tally(r, S):
-    """Number of particles in each of the regimes r (N,), 0 absent, 1, 2, and mean (d,) of the living's states S (N, d).
-
-    NaN if none lives.  Miao and Chen's equations (11) and (12).
+def copies(r, S, ancestors):
+    """The ancestors' (M,) copies of regimes r (N,) and states S (N, d); the copies' number in each of the regimes 0 (absent),
+    1 and 2; and the mean state (d,) of those that live, NaN if none does: Miao and Chen's equations (11) and (12).
     """
-    counts, total = np.zeros(3, np.int64), np.zeros(S.shape[1])
-    for n in range(r.size):
-        counts[r[n]] += 1
-        if r[n] > 0:
-            for d in range(total.size):
-                total[d] += S[n, d]
-    return counts, total / (r.size - counts[0])
+    M, d = ancestors.size, S.shape[1]
+    regimes, states, counts, total = np.empty(M, r.dtype), np.empty((M, d)), np.zeros(3, np.int64), np.zeros(d)
+    for m in range(M):
+        n = ancestors[m]
+        a = regimes[m] = r[n]
+        counts[a] += 1
+        for i in range(d):
+            v = states[m, i] = S[n, i]
+            total[i] += v if a > 0 else 0.0
+    return regimes, states, counts, total / (M - counts[0])
 
 
 # Ancestors' history ----------------------------------------------------------------------------------------------------

@@ -106,11 +106,14 @@ def blob_log_ratio(z, S, r, peak, blur, noise):
         q, p = math.exp(-k * dx), math.exp(-k * dy)
         both = 1.0 / (q * p)
         u, v = both * p, both * q  # 1 / q and 1 / p
-        a, b, c, d = u * u * two * (i > 2), u * one * (i > 1), q * one * (i < nx), q * q * two * (i < nx - 1)
-        e, f, g, h = v * v * two * (j > 2), v * one * (j > 1), p * one * (j < ny), p * p * two * (j < ny - 1)
+        a, b, c, d = u * u * two, u * one, q * one, q * q * two
+        e, f, g, h = v * v * two, v * one, p * one, p * p * two
         match = a * _row(framed, i - 1, j - 1, e, f, g, h) + b * _row(framed, i, j - 1, e, f, g, h)
         match += c * _row(framed, i + 2, j - 1, e, f, g, h) + d * _row(framed, i + 3, j - 1, e, f, g, h)
         match += _row(framed, i + 1, j - 1, e, f, g, h)
+        if not (2 < i < nx - 1 and 2 < j < ny - 1):  # beyond the edge no energy is expected; to the match these cells are zeros
+            a, b, c, d = a * (i > 2), b * (i > 1), c * (i < nx), d * (i < nx - 1)
+            e, f, g, h = e * (j > 2), f * (j > 1), g * (j < ny), h * (j < ny - 1)
         energy = (a * a + b * b + 1.0 + c * c + d * d) * (e * e + f * f + 1.0 + g * g + h * h)
         out[n] = peak * centre * (match - 0.5 * peak * centre * energy) / (noise * noise)
     return out

@@ -41,3 +41,16 @@ CASES = [
         edges,
     )
 ]
+
+
+def box(n, omegas=OMEGAS):
+    """Uniform draws, the first two at the ends of their interval."""
+    u = np.random.default_rng(3).random((5, n))
+    u[:, :2] = 0.0, np.nextafter(1.0, 0.0)
+    return u, np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 0.0]), omegas
+
+
+CASES += [
+    ("box_states", motion.box_states, motion.box_states_spec, args)
+    for args in (lambda: box(300), lambda: box(50, np.array([[0.5, 0.5], [0.5, 0.5]])), lambda: (np.empty((5, 0)), *box(2)[1:]))
+]

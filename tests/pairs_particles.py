@@ -20,3 +20,32 @@ CASES = [
         lambda: (np.array([1.0]), 3, 0.7),
     )
 ]
+
+
+def log_weights(n, seed=1):
+    """Log-ratios as a filter has them: absent particles exactly 0, far ones hopeless, a few very good."""
+    rng = np.random.default_rng(seed)
+    return np.where(rng.random(n) < 0.4, 0.0, rng.normal(-5.0, 8.0, n))
+
+
+CASES += [
+    ("select", particles.select, particles.select_spec, args)
+    for args in (
+        lambda: (log_weights(400), 200, 0.3),
+        lambda: (log_weights(50) - 1000.0, 300, 0.999),
+        lambda: (np.array([-np.inf, 700.0, 700.5, -np.inf]), 7, 0.0),
+        lambda: (np.zeros(10), 10, 0.5),
+        lambda: (np.array([-2.0]), 3, 0.7),
+    )
+]
+
+
+def cloud(n, M, regimes=3, seed=2):
+    rng = np.random.default_rng(seed)
+    return rng.integers(0, regimes, n), rng.normal(size=(n, 5)), np.sort(rng.integers(0, max(n, 1), M))
+
+
+CASES += [
+    ("copies", particles.copies, particles.copies_spec, args)
+    for args in (lambda: cloud(400, 200), lambda: cloud(20, 70), lambda: cloud(9, 5, regimes=1), lambda: cloud(0, 0))
+]
