@@ -110,7 +110,7 @@ def systematic(W, M, u):
 def _arrows(W, total, M, u):
     """The ancestors of :func:`systematic`, given the sum of the weights."""
     last = W.size - 1
-    while W[last] <= 0.0:
+    while last > 0 and W[last] <= 0.0:
         last -= 1
     step, dense = total / M, M / total
     passed = np.zeros(M + 1, np.int64)  # passed[m]: particles that end between arrow m - 1 and arrow m
