@@ -329,13 +329,18 @@ def _render_copy(pickled, *about):
 
 def _csv(frame):
     """A frame as CSV, numbers to six significant digits: fewer than differ between CPUs, more than any figure shows."""
-    index = frame.index.names != [None] or not isinstance(frame.index, pd.RangeIndex)
-    return frame.to_csv(index=index, float_format="%.6g", lineterminator="\n").encode()
+    return frame.to_csv(index=_speaks(frame.index), float_format="%.6g", lineterminator="\n").encode()
+
+
+def _speaks(index):
+    """Whether an index names its rows, or only counts them."""
+    return index.names != [None] or not isinstance(index, pd.RangeIndex)
 
 
 def _cells(frame):
-    """Header and rows of a frame as text; a named index becomes a column."""
-    flat = frame.reset_index() if frame.index.names != [None] else frame
+    """Header and rows of a frame as text; an index that says something becomes a column."""
+    named = frame.rename_axis("") if frame.index.names == [None] else frame
+    flat = named.reset_index() if _speaks(frame.index) else frame
     rows = [[_cell(value) for value in row] for row in flat.itertuples(index=False, name=None)]
     return [_cell(" ".join(map(str, name)) if isinstance(name, tuple) else name) for name in flat.columns], rows
 

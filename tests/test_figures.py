@@ -64,6 +64,17 @@ def test_an_artist_draws_the_same_bytes(tmp_path, ledger):
     assert len(made[0]) == 6
 
 
+@pytest.mark.parametrize("name", [None, "filter"])
+def test_a_table_keeps_the_names_of_its_rows(portfolio, name):
+    rows = pd.Index(["a_1", "b"], name=name)
+    portfolio.table(pd.DataFrame({"x": [1.5, 2.0]}, index=rows), "table1", caption="Two rows.")
+    csv, md, tex = (portfolio.files[f"table1.{end}"].decode() for end in ("csv", "md", "tex"))
+    assert csv.splitlines() == [f"{name or ''},x", "a_1,1.5", "b,2"]
+    assert md.splitlines() == [f"| {name or ''} | x |", "| --- | --- |", "| a_1 | 1.5 |", "| b | 2 |"]
+    assert r"a\_1 & 1.5 \\" in tex
+    assert tex.startswith(r"\begin{tabular}{ll}")
+
+
 def test_no_picture_knows_the_date(portfolio):
     draw(portfolio)
     for extension in ("pdf", "svg", "png"):
