@@ -22,15 +22,19 @@ import hashlib
 import io
 import json
 import os
+import pickle
+import queue
 import re
 import signal
+import subprocess
+import sys
+import threading
 from importlib.metadata import version
 
 import cloudpickle
 import matplotlib
 import numpy as np
 import pandas as pd
-from loky import ProcessPoolExecutor
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -91,6 +95,7 @@ EMBEDDED = {  # where each format keeps the id, the hash of the sources and the 
     "png": ("Title", "Source", "Comment"),
 }
 CANVASES = {"pdf": FigureCanvasPdf, "svg": FigureCanvasSVG, "png": FigureCanvasAgg}
+DONE = "done"  # what an artist is told when there is nothing more to draw
 NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
 
@@ -117,15 +122,16 @@ class Portfolio:
         Products go to ``folder/<paper>/``.
     provenance : dict
         What made them: parameters, seed, trials, hash of the sources, the command.
-    artist : concurrent.futures.Executor, optional
-        Draws what the page does not show, while the page goes on; without one everything is drawn at once.
+    studio : callable, optional
+        :func:`artist`, asked for one when the first figure is saved, who draws what the page does not show while the page
+        goes on.  Without a studio everything is drawn at once.
     """
 
     colour = COLOURS
     line = LINES
 
-    def __init__(self, paper, folder, provenance, artist=None):
-        self.paper, self.folder, self.provenance, self.artist = paper, folder, provenance, artist
+    def __init__(self, paper, folder, provenance, studio=None):
+        self.paper, self.folder, self.provenance, self.studio, self.artist = paper, folder, provenance, studio, None
         self.files, self.drawn = {}, {}
         matplotlib.rcParams.update(STYLE)
 
@@ -180,18 +186,33 @@ class Portfolio:
             fig.draw_without_rendering()  # the layout is worked out once, not once for each format
             fig.set_layout_engine("none")
             for extension in EMBEDDED:
-                self.files[f"{name}.{extension}"] = self._draw(fig, id, extension)
+                self.files[f"{name}.{extension}"] = self._draw(fig, name, id, extension)
         data = self._data(fig) if data is None else data
         if data is not None:
             self.files[f"{name}.csv"] = _csv(data)
         self.files[f"{name}.json"] = self._json(id, caption, claims)
         return Product(id, caption, self.files[f"{name}.png"])
 
-    def _draw(self, fig, id, extension):
-        """A picture as bytes; from an artist, the promise of one, unless the page shows it."""
+    def _draw(self, fig, name, id, extension):
+        """A picture as bytes; None if the artist has been asked for it, who is not for what the page shows."""
+        if self.artist is None and self.studio is not None:
+            self.artist = self.studio()
         if self.artist is None or extension == "png":
             return _render(fig, id, self.provenance, extension)
-        return self.artist.submit(_render_copy, cloudpickle.dumps(fig), id, self.provenance, extension)
+        cloudpickle.dump((f"{name}.{extension}", fig, id, self.provenance, extension), self.artist.stdin)
+        self.artist.stdin.flush()
+        return None
+
+    def _collect(self):
+        """Put what the artist has drawn into its place; the artist is dismissed."""
+        if self.artist is None:
+            return
+        pickled, _ = self.artist.communicate(pickle.dumps(DONE))
+        drawn = pickle.loads(pickled) if pickled else ChildProcessError("the process that draws PDF and SVG has died; run it again")
+        self.artist = None
+        if isinstance(drawn, Exception):
+            raise drawn
+        self.files |= drawn
 
     def table(self, frame, name, caption="", claims=()):
         """Keep a table as ``<paper>/<name>`` in CSV, Markdown and LaTeX; returns the frame, which displays itself."""
@@ -209,8 +230,8 @@ class Portfolio:
         """
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": _csv(table)}
-        drawn = {name: content if isinstance(content, bytes) else content.result() for name, content in self.files.items()}
-        files = verdicts | drawn  # a product's JSON is the last of its files
+        self._collect()
+        files = verdicts | self.files  # a product's JSON is the last of its files
         folder = self.folder / self.paper
         write(folder, files, old=self._abandoned(folder))
         judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
@@ -238,10 +259,38 @@ class Portfolio:
 
 
 def artist():
-    """A process that draws beside this one and ends with it; None on a machine with a single core."""
+    """A process that draws what it is sent and hands all over in the end; None on a machine with a single core.
+
+    It ends when the process that started it does, however that ends.
+    """
     if trials.cores() == 1:
         return None
-    return ProcessPoolExecutor(max_workers=1, timeout=trials.DAY)
+    studio = [sys.executable, "-c", "from tbdcore import figures; figures._studio()"]
+    return subprocess.Popen(studio, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
+
+
+def _studio():
+    """What the artist does: draw until there is nothing more, then write everything, or what went wrong, to standard output."""
+    jobs, drawn = queue.SimpleQueue(), {}
+    threading.Thread(target=_receive, args=(jobs,), daemon=True).start()
+    try:
+        while (job := jobs.get()) != DONE:
+            with matplotlib.rc_context(STYLE):
+                drawn[job[0]] = _render(*job[1:])
+    except Exception as error:
+        drawn = error
+    pickle.dump(drawn, sys.stdout.buffer)
+
+
+def _receive(jobs):
+    """Queue what comes in, so that whoever sends never waits; when nobody is there any more, end at once."""
+    job = None
+    while job != DONE:
+        try:
+            job = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            os._exit(0)
+        jobs.put(job)
 
 
 def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
@@ -319,12 +368,6 @@ def _render(fig, id, provenance, extension):
     fig.dpi = STYLE["savefig.dpi"]
     getattr(canvas, f"print_{extension}")(buffer, metadata=metadata)  # `savefig` would draw each format twice
     return buffer.getvalue()
-
-
-def _render_copy(pickled, *about):
-    """One picture of a pickled figure, for an artist."""
-    with matplotlib.rc_context(STYLE):
-        return _render(cloudpickle.loads(pickled), *about)
 
 
 def _csv(frame):

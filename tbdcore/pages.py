@@ -43,7 +43,6 @@ from tbdcore.figures import Portfolio, artist, digest, versions
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a result
 COMMON = ("seed", "n_trials", *PLUMBING)
-PATIENCE = 1  # seconds in which a kernel that is done has to end; with processes of its own it would take more than five
 
 
 @dataclasses.dataclass(frozen=True)
@@ -225,7 +224,7 @@ def begin(paper, namespace):
         "versions": versions(),
     }
     ledger = Ledger(paper, strict=default) if (paths.CLAIMS / f"{paper}.csv").is_file() else None  # the index judges no paper
-    return ledger, Portfolio(paper, folder, provenance, artist())
+    return ledger, Portfolio(paper, folder, provenance, artist)
 
 
 def remake(paper, values):
@@ -311,7 +310,6 @@ def execute(paper, given, output, progress=False):
     sys.modules.setdefault("rfc3987_syntax", None)  # jsonschema would build a grammar of web addresses, for more than a second
     from jupyter_client.kernelspec import NoSuchKernel
     from papermill import PapermillExecutionError, execute_notebook
-    from traitlets.config import Config
 
     values = validate(paper, given)
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -326,7 +324,6 @@ def execute(paper, given, output, progress=False):
             progress_bar=progress,
             cwd=str(Path.cwd()),
             extra_arguments=["--IPKernelApp.log_level=50"],  # what a kernel says of its start and its end is not the run's
-            config=Config({"KernelManager": {"shutdown_wait_time": PATIENCE}}),
         )
         os.replace(part, output)
     except PapermillExecutionError as error:

@@ -55,8 +55,8 @@ def test_the_same_figure_has_the_same_bytes(tmp_path):
 
 def test_an_artist_draws_the_same_bytes(tmp_path, ledger):
     made = []
-    for artist in (None, figures.artist()):
-        run = figures.Portfolio("toy", tmp_path / str(bool(artist)), PROVENANCE, artist)
+    for studio in (None, figures.artist):
+        run = figures.Portfolio("toy", tmp_path / str(bool(studio)), PROVENANCE, studio)
         draw(run)
         run.publish(ledger)
         made.append(published(run.folder))
@@ -73,6 +73,21 @@ def test_a_table_keeps_the_names_of_its_rows(portfolio, name):
     assert md.splitlines() == [f"| {name or ''} | x |", "| --- | --- |", "| a_1 | 1.5 |", "| b | 2 |"]
     assert r"a\_1 & 1.5 \\" in tex
     assert tex.startswith(r"\begin{tabular}{ll}")
+
+
+def test_an_artist_who_fails_says_what_failed(portfolio, ledger):
+    portfolio.studio = figures.artist
+    draw(portfolio)
+    portfolio._draw(None, "fig02", "toy/fig02", "pdf")
+    with pytest.raises(AttributeError, match="NoneType"):
+        portfolio.publish(ledger)
+    assert not published(portfolio.folder)
+
+
+def test_an_artist_ends_with_the_one_who_started_it():
+    artist = figures.artist()
+    assert artist.communicate(timeout=30) == (b"", None)  # closes its standard input, as an end of any kind does
+    assert artist.returncode == 0
 
 
 def test_no_picture_knows_the_date(portfolio):
