@@ -70,7 +70,7 @@ def run(paper, values, output, *, say=print, resume=False):
     folder = Path(values.get("out") or paths.figures())
     result = Result(paper, 0.0, {}, str(folder / paper), str(output))
     if resume and done(paper, values, folder):
-        result = result._replace(verdicts=counts(folder / paper), skipped=True)
+        result = result._replace(verdicts=counts(folder / paper), skipped=True, notebook=str(output) if output.is_file() else "")
         say(f"{paper}: skipped, its products have these sources and parameters ({summary(result.verdicts)})")
         return result
     expected, start = _expected(paper, values), time.monotonic()
@@ -110,7 +110,7 @@ def sweep(paper, name, runs, folder, *, say=print, resume=False):
 def done(paper, values, folder):
     """Whether a folder holds every product of a paper, made from the present sources with these parameters and versions."""
     now = {"sources": pages.sources(paper), "parameters": _settings(paper, values), "versions": figures.versions()}
-    made = [json.loads(file.read_text(encoding="utf-8")) for file in (folder / paper).glob("*.json")]
+    made = [figures.record(file) for file in (folder / paper).glob("*.json")]
     same = all(about.get(key) == value for about in made for key, value in now.items())
     present = {file.name for file in (folder / paper).glob("*")}
     judged = {"verdicts.csv"} if paper in claims.papers() else set()

@@ -9,7 +9,6 @@ Bibliographic fields come from ``data/papers.toml`` and, for this repository, fr
 A paper without authors gets a ``key``, which BibTeX sorts by instead.
 """
 
-import json
 import os
 import re
 import tomllib
@@ -56,7 +55,7 @@ def product(id, folder=None):
             f"the nearest is {claims.nearest(id, known)!r}" if known else "there are none in this folder; make them: tbdcore run"
         )
         raise ValueError(f"{id!r}: no such figure or table; {advice}")
-    return json.loads((folder / f"{id}.json").read_text(encoding="utf-8"))
+    return figures.record(folder / f"{id}.json")
 
 
 def files(id, folder=None):
@@ -101,7 +100,7 @@ def _latex(about, have):
     """A figure or a table environment, which needs no other packages than graphicx and booktabs."""
     kind = "figure" if "pdf" in have else "table"
     label = f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"
-    source = f"After~\\cite{{{about['paper']}}}, computed" if about["paper"] in _papers() else "Computed"
+    source = _after(about)
     says = figures.tex(about["caption"].rstrip(" ."))
     caption = f"\\caption{{{says}. {source} with~\\cite{{tbdcore}}.}}"
     if kind == "figure":
@@ -113,6 +112,14 @@ def _latex(about, have):
     lines = [f"% needs \\usepackage{{{package}}}, and \\bibliography{{{entries}}} with \\bibliographystyle{{plain}}"]
     lines += [f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
     return "\n".join([*lines, f"\\end{{{kind}}}", ""])
+
+
+def _after(about):
+    """How a caption names the paper: a product of ours beyond the paper is not after it."""
+    name = about["id"].partition("/")[2]
+    if about["paper"] not in _papers():
+        return "Computed"
+    return f"{'Not in' if name.startswith(('beyond_', 'open_')) else 'After'}~\\cite{{{about['paper']}}}, computed"
 
 
 def _markdown(about, have):
@@ -231,10 +238,16 @@ def embedded(file):
     kind, content = file.suffix[1:].lower(), file.read_bytes()
     read = {"pdf": _pdf, "svg": _svg, "png": _png}.get(kind)
     if read is None:
-        about = json.loads(file.with_suffix(".json").read_bytes()) if file.with_suffix(".json").is_file() else {}
+        about = _beside(file)
         return _found([about.get(name) for name in ("id", "sources", "remake")], file)
     said = read(content)
     return _found([said.get(name) for name in figures.EMBEDDED[kind]], file)
+
+
+def _beside(file):
+    """The record that lies beside a product, empty without one."""
+    path = file.with_suffix(".json")
+    return figures.record(path) if path.is_file() else {}
 
 
 def _found(said, file):
@@ -277,7 +290,9 @@ def which(file, folder=None):
     same = kept.is_file() and kept.read_bytes() == file.read_bytes()
     now, made = pages.sources(paper), found.sources or "unknown"
     state = "current, the sources are the same" if made == now else f"stale, the sources are now {now}"
-    caption = [product(found.id, folder)["caption"]] if kept.with_suffix(".json").is_file() else []
+    beside = _beside(file)
+    known = beside if beside.get("id") == found.id else _beside(kept) if same else {}
+    caption = [known["caption"]] if known else []
     data = f", data/claims/{paper}.csv" if paper in claims.papers() else ""
     sources = f"sources {made}: {pages.path(paper).name}{data} and the modules that the notebook imports"
     copy = f"{'the same bytes as' if same else 'differs from'} {_here(kept)}" if kept.is_file() else f"there is no {_here(kept)}"

@@ -466,8 +466,11 @@ def verdicts(paper, folder=None):
     path = (folder or paths.figures()) / paper / "verdicts.csv"
     if not path.is_file():
         raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: tbdcore run {paper}")
-    table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    if list(table["id"]) != list(read(paper)):
+    try:
+        table = pd.read_csv(path, dtype=str, keep_default_na=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError):
+        raise ValueError(f"{path}: no table of verdicts; make it anew: tbdcore run {paper}") from None
+    if list(table.get("id", ())) != list(read(paper)):
         odd = sorted(set(table["id"]) ^ set(read(paper))) or ["their order"]
         raise ValueError(
             f"{paper}: verdicts.csv and data/claims/{paper}.csv do not match in {', '.join(odd)}; run tbdcore run {paper}"

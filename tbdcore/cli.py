@@ -119,9 +119,9 @@ def _run(arguments):
 
     named = arguments.papers or (pages.papers() if arguments.given else pages.everything())
     jobs = {paper: _values(paper, arguments) for paper in named}
+    _reachable(jobs.values())
     if arguments.in_place and (arguments.given or arguments.quick or arguments.out or arguments.resume):
         raise Fault("--in-place executes the committed notebooks with their defaults; drop -p, --quick, --out and --resume")
-    _reachable(arguments.scheduler)
     folder = paths.BUILD / "quick" if arguments.quick else paths.BUILD
     status = GOOD
     for paper, values in jobs.items():
@@ -139,6 +139,8 @@ def _sweep(arguments):
 
     name, equals, text = arguments.values.partition("=")
     known = pages.parameters(arguments.paper)
+    if arguments.paper not in pages.papers():
+        raise Fault(f"sweep {arguments.paper}: it has no verdicts to tabulate; sweep one of {', '.join(pages.papers())}")
     if not equals or not text:
         raise Fault(f"sweep {arguments.values}: write the parameter and its values as name=v1,v2")
     if name in pages.PLUMBING:
@@ -146,7 +148,7 @@ def _sweep(arguments):
     listed = text.split(";" if name in known and known[name].type == "list" else ",")
     sets = [argparse.Namespace(**vars(arguments) | {"given": [*arguments.given, f"{name}={value}"]}) for value in listed]
     runs = [(value, _values(arguments.paper, each)) for value, each in zip(listed, sets, strict=True)]
-    _reachable(arguments.scheduler)
+    _reachable(values for _, values in runs)
     folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / arguments.paper
     results = batch.sweep(arguments.paper, name, runs, folder, say=_voice(arguments), resume=arguments.resume)
     status = max(_told(arguments, arguments.paper, partial(next, results)).status for _ in runs)
@@ -184,10 +186,12 @@ def _refresh(paper, output):
 
 
 def _values(paper, arguments):
-    """The parameters of one notebook that the command line sets, checked."""
-    from tbdcore import pages
+    """The parameters of one notebook that the command line sets, checked, as its claims and its folder are."""
+    from tbdcore import claims, pages
 
     known = pages.parameters(paper)
+    if paper in pages.papers():
+        claims.read(paper)
     values = {}
     if arguments.quick:
         values |= {name: parameter.quick for name, parameter in known.items() if parameter.quick is not None}
@@ -202,10 +206,9 @@ def _values(paper, arguments):
     changed = any(values[name] != known[name].default for name in values if name not in pages.PLUMBING)
     if changed and not values.get("out"):
         values["out"] = str(paths.BUILD / "run")
-    if values.get("out"):
-        paths.BUILD.mkdir(exist_ok=True)
-        values["out"] = str(pages.usable(values["out"]))
-    return values
+    paths.BUILD.mkdir(exist_ok=True)
+    folder = pages.usable(values.get("out") or paths.figures())
+    return values | {"out": str(folder)} if values.get("out") else values
 
 
 def _value(text, kind):
@@ -221,11 +224,11 @@ def _value(text, kind):
     return value
 
 
-def _reachable(scheduler):
-    """Raise unless a dask scheduler answers."""
+def _reachable(jobs):
+    """Raise unless the dask schedulers that some sets of parameters name answer."""
     from tbdcore import trials
 
-    if scheduler:
+    for scheduler in {values.get("scheduler", "") for values in jobs} - {""}:
         try:
             trials.run(_nothing, 1, seed=0, scheduler=scheduler)
         except ConnectionError as error:
@@ -244,6 +247,8 @@ def _score(arguments):
     from tbdcore import cite, claims, figures
 
     folder = Path(arguments.out) if arguments.out else paths.figures()
+    for paper in claims.papers():
+        claims.read(paper)
     try:
         every, text = claims.ledger(folder), figures.markdown(claims.scorecard(folder))
     except (ValueError, FileNotFoundError) as error:

@@ -240,7 +240,7 @@ class Portfolio:
     def _abandoned(self, folder):
         """Files of products of this paper that lie in the folder and that this run did not make."""
         old = [file for file in folder.glob("*.json") if file.name not in self.files]
-        old = [file for file in old if json.loads(file.read_text(encoding="utf-8")).get("paper") == self.paper]
+        old = [file for file in old if record(file).get("paper") == self.paper]
         return [file.with_suffix(f".{suffix}") for file in old for suffix in (*EMBEDDED, "csv", "md", "tex", "json")]
 
     def _id(self, name, caption):
@@ -336,14 +336,22 @@ def _undisturbed():
             signal.raise_signal(number)
 
 
+def record(file):
+    """What a product's JSON file says of it; raises ValueError, naming the file, when it is damaged."""
+    try:
+        return dict(json.loads(file.read_text(encoding="utf-8")))
+    except (ValueError, TypeError):
+        raise ValueError(f"{file}: damaged; delete it, then make the products anew: tbdcore run {file.parent.name}") from None
+
+
 def data(id):
-    """The data behind a committed product, ``data("track_cfar/fig05")``, as a frame.
+    """The data behind a product of the default runs, ``data("track_cfar/fig05")``, as a frame.
 
     Raises ValueError when there is none.
     """
-    path = paths.PRODUCTS / f"{id}.csv"
+    path = paths.figures() / f"{id}.csv"
     if not path.is_file():
-        raise ValueError(f"{id}: no such data in figures/; products are named <paper>/<name>, such as track_cfar/fig05")
+        raise ValueError(f"{id}: no such data in {path.parents[1]}; products are named <paper>/<name>, such as track_cfar/fig05")
     return pd.read_csv(path)
 
 

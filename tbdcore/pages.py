@@ -97,7 +97,7 @@ def everything():
 
 def path(paper):
     """The notebook of a paper; raises ValueError, with the nearest name, when there is none."""
-    found = sorted(paths.NOTEBOOKS.glob(f"[0-9][0-9]_{paper}.ipynb"))
+    found = [file for file in sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb")) if file.stem[3:] == paper]
     if not found:
         raise ValueError(
             f"paper {paper!r}: there is no such notebook; the nearest is {nearest(paper, papers())!r} of {', '.join(papers())}"
@@ -211,7 +211,7 @@ def begin(paper, namespace):
     values = validate(paper, {name: namespace[name] for name in known})
     namespace.update(values)
     default = all(values[name] == known[name].default for name in known if name not in PLUMBING)
-    folder = usable(values["out"]) if values["out"] else paths.figures()
+    folder = usable(values["out"] or paths.figures())
     if values["out"] == "" and not default and not os.environ.get("TBDCORE_FIGURES"):
         raise ValueError(f"{paper}: the repository's figures are for default parameters; give these ones a folder: out='build/try'")
     shown = {name: value for name, value in values.items() if name not in PLUMBING}
@@ -223,7 +223,7 @@ def begin(paper, namespace):
         "remake": remake(paper, values),
         "versions": versions(),
     }
-    ledger = Ledger(paper, strict=default) if (paths.CLAIMS / f"{paper}.csv").is_file() else None  # the index judges no paper
+    ledger = Ledger(paper, strict=default) if paper in papers() else None  # the index judges no paper
     return ledger, Portfolio(paper, folder, provenance, artist)
 
 
@@ -264,12 +264,21 @@ def usable(out):
 def sources(paper):
     """Hash of everything that decides a paper's numbers.
 
-    The notebook's code, its claims, and every module of the package that it imports, directly or through another.
+    The notebook's code, its claims, and every module of the package that it imports, directly or through another; for the
+    index, which computes nothing, the verdicts and the data of the papers that it shows.
     """
     code = cells(paper)
     modules = reached("\n".join(line for cell in code for line in cell.splitlines() if not line.startswith(("%", "!"))))
-    files = [paths.CLAIMS / f"{paper}.csv", *(paths.PACKAGE / f"{name}.py" for name in sorted(modules))]
+    files = [paths.CLAIMS / f"{paper}.csv", *(paths.PACKAGE / f"{name}.py" for name in sorted(modules)), *_shown(paper, code)]
     return digest([cell.encode() for cell in code] + [file.read_bytes() for file in files if file.is_file()])
+
+
+def _shown(paper, code):
+    """Verdicts and data of other papers that the index reads."""
+    if paper in papers():
+        return []
+    ids = re.findall(r'\.data\("(\w+/\w+)"\)', "\n".join(code))
+    return [paths.figures() / f"{name}.csv" for name in (*(f"{paper}/verdicts" for paper in papers()), *ids)]
 
 
 def reached(source, seen=None):

@@ -23,6 +23,7 @@ them, comes back with a leading axis of length n.
 
 import contextlib
 import os
+import re
 from concurrent.futures import Executor
 from zlib import crc32
 
@@ -128,6 +129,10 @@ def _dask(address):
         raise ConnectionError(
             f"scheduler {address!r}: the package distributed is not installed; use: pip install 'tbdcore[cluster]'"
         ) from None
+    if not re.fullmatch(r"(\w+://)?[\w.\-\[\]]+:\d+|inproc://\S+", address):
+        raise ConnectionError(
+            f"scheduler {address!r}: no address of a dask scheduler; write tcp://host:8786, or leave it empty for this machine"
+        )
     try:
         client = Client(address, timeout=5, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

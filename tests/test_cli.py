@@ -70,12 +70,30 @@ def test_a_folder_that_cannot_be_written(repository, capsys, monkeypatch, out):
 def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys):
     pytest.importorskip("distributed")
     assert "no dask scheduler answers" in said(capsys, 3, "run", "tiny", "--scheduler", "tcp://127.0.0.1:9")
+    assert "no dask scheduler answers" in said(capsys, 3, "run", "tiny", "-p", "scheduler=tcp://127.0.0.1:9")
+    assert "no address of a dask scheduler" in said(capsys, 3, "run", "tiny", "--scheduler", "nonsense")
 
 
-def test_a_spoilt_claims_file_fails_the_score_and_is_named(repository, capsys):
+@pytest.mark.parametrize("words", [["score"], ["run", "tiny"], ["sweep", "tiny", "shift=1,2"]])
+def test_a_spoilt_claims_file_is_named_before_anything_starts(repository, capsys, words):
     (paths.CLAIMS / "tiny.csv").write_text(tiny.CLAIMS.replace("\n", "\r\n"))
     enter(repository, VERDICTS)
-    assert "tiny.csv, row" in said(capsys, 1, "score")
+    assert "tiny.csv, row" in said(capsys, 2, *words)
+
+
+def test_a_missing_claims_file_is_named_before_anything_starts(repository, capsys):
+    (paths.CLAIMS / "tiny.csv").unlink()
+    assert "tiny.csv: no claims file" in said(capsys, 2, "run", "tiny")
+
+
+def test_an_empty_table_of_verdicts_is_named(repository, capsys):
+    enter(repository, "")
+    assert "verdicts.csv: no table of verdicts" in said(capsys, 1, "score")
+
+
+def test_the_default_folder_is_tried_before_anything_starts(repository, capsys, monkeypatch):
+    monkeypatch.setenv("TBDCORE_FIGURES", "/proc/no/such")
+    assert "output folder /proc/no/such" in said(capsys, 2, "run", "tiny")
 
 
 def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeypatch):

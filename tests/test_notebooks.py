@@ -175,10 +175,11 @@ def test_a_notebook_begins_and_publishes(paper):
 
 @every_paper
 def test_every_claim_of_the_paper_has_its_verdict(paper):
-    """In the committed verdicts; `inconclusive` must not stand where trials are what we choose."""
+    """In the committed verdicts; only the chapter whose text says why may leave a claim `inconclusive`."""
     table = claims.verdicts(paper)
     rows = claims.read(paper)
     assert set(table["verdict"]) <= set(claims.VERDICTS)
+    assert paper == "mda_tbd" or "inconclusive" not in set(table["verdict"])
     for row in table.itertuples():
         is_input = rows[row.id].kind == "input"
         assert row.verdict != "used" or is_input, row.id
