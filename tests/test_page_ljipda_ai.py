@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import tbdcore
+from tbdcore import pages
 
 page = tbdcore.page("ljipda_ai")
 CALM = page.Scenario(clutter=1e-9)
@@ -122,3 +123,44 @@ def test_plots_that_are_not_finite_are_refused():
     z.z[3, 1] = np.nan
     with pytest.raises(ValueError, match="plot 3 is .* not finite"):
         page.run(z, p, rng(7))
+
+
+def cells_of_the_page(*openings):
+    """What some cells of the notebook define, on top of its algorithm."""
+    names = {"np": np, "math": math, **vars(page)}
+    for opening in openings:
+        (source,) = [cell for cell in pages.cells("ljipda_ai") if cell.startswith(opening)]
+        exec(source, names)
+    return names
+
+
+def test_more_false_plots_than_memory_are_refused_before_they_are_drawn():
+    with pytest.raises(ValueError, match=r"^simulate: 8e\+08 false plots in a trial, over 1e7; lower .*errors$"):
+        page.simulate(page.Scenario(clutter=1e-2, sigma_r=1000.0), rng(8))
+
+
+def test_prior_of_an_empty_gate_is_zero():
+    prior = cells_of_the_page("def prior(")["prior"]
+    found = prior(np.array([[0.0, 0.0], [3e-5, 1e-5]]), np.array([0.9, 0.8]), np.array([0.95, 0.95]))
+    np.testing.assert_allclose(found, [[0.0, 0.0], [0.57, 0.19]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("snr_db", [-20.0, -11.0, 0.0, 25.0, 40.0])
+def test_ratio_has_the_mean_one_over_false_plots_at_any_level(snr_db):
+    names = {"d": 10 ** (snr_db / 10), "integrate": page.integrate, "math": math, "np": np, "pd": page.pd}
+    (source,) = [cell for cell in pages.cells("ljipda_ai") if cell.startswith("mean = integrate.quad")]
+    exec(source, names)
+    assert names["mean"] == pytest.approx(1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("change", [{}, {"snr_db": 40.0}, {"p_detect": 1e-6, "clutter": 1e-12}, {"gamma": 0.1}])
+def test_scan_by_hand_holds_for_loud_plots_and_for_empty_gates(change):
+    p = page.Scenario(**change)
+    names = cells_of_the_page(
+        "def predict_existence", "def prior(", "def source(", "def indicator(", "def weights(", "def mixture(", "def scan_by_hand"
+    )
+    names |= {"p": replace(p, assumed_db=p.snr_db), "d": 10 ** (p.snr_db / 10), "TRACKS": ["1", "2"], "page": lambda: page}
+    names |= {"stream": lambda i, purpose: rng(9, len(purpose)), "plots": page.simulate(p, rng(9))}
+    (source,) = [cell for cell in pages.cells("ljipda_ai") if cell.startswith("plain = plots")]
+    exec(source, names)
+    assert np.isfinite(names["hand"]).all()
