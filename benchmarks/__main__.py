@@ -1,16 +1,17 @@
 """Every benchmark in one table: ``python -m benchmarks [NAME ...]``, names as in ``bench_<name>.py``, all if none is given.
 
 All times are of this machine in this run.  "spec" is how many times slower the plain NumPy specification is, "limit" how many times
-longer the kernel takes than its limit (the module says which), "peer" how many times slower the other library is; a peer that
-is not installed is left out (``pip install 'tbdcore[peers]'``, best into an environment of its own).
+longer the kernel takes than the machine's limit (the module says which), "asked" how many times longer a whole trial takes than
+it was asked to, "peer" how many times slower the other library is; a peer that is not installed is left out
+(``pip install 'tbdcore[peers]'``, best into an environment of its own).
 """
 
 import importlib
 import sys
 from pathlib import Path
 
-WIDTHS = (34, 34, 10, 8, 7)
-HEADER = ("kernel", "work", "time", "spec", "limit", "peer")
+WIDTHS = (34, 34, 10, 10, 7, 7)
+HEADER = ("kernel", "work", "time", "spec", "limit", "asked", "peer")
 
 
 def names():
@@ -37,8 +38,8 @@ def ratio(value, base):
 def cells(row):
     """A row of the table."""
     peer = f"{ratio(row.peer_seconds, row.seconds)} {row.peer}" if row.peer_seconds else ""
-    slower, limit = ratio(row.spec_seconds, row.seconds), ratio(row.seconds, row.limit_seconds)
-    return row.kernel, row.work, seconds(row.seconds), slower, limit, peer
+    limit, asked = (ratio(row.seconds, base) for base in (row.limit_seconds, row.asked_seconds))
+    return row.kernel, row.work, seconds(row.seconds), ratio(row.spec_seconds, row.seconds), limit, asked, peer
 
 
 def main(wanted):

@@ -54,7 +54,7 @@ def peer_rows():
 
 def rows():
     """Marginals of one scan, then whole trials by every method."""
-    yield Row("association.jipda", "10 tracks share 12 plots", best(association.jipda, *scene(10, 12)), None, 1e-3)
+    yield Row("association.jipda", "10 tracks share 12 plots", best(association.jipda, *scene(10, 12)), asked_seconds=1e-3)
     small = scene(4, 6)
     yield Row(
         "association.jipda", "4 tracks, 6 plots", best(association.jipda, *small), best(association.jipda_spec, *small, repeat=2)
@@ -88,4 +88,4 @@ def trial_rows():
     for method in page.METHODS:
         seconds = best(lambda method=method: page.run(z, p, np.random.default_rng(2), method))
         spec = best(numpy_trial, z, p, x, P, F, np.full(3, 10.0), repeat=1) if method == "LJIPDA-AI" else None
-        yield Row(f"page ljipda_ai, plots and {method}", f"3 tracks, {work}", plots + seconds, spec, 8e-3)
+        yield Row(f"page ljipda_ai, plots and {method}", f"3 tracks, {work}", plots + seconds, spec, asked_seconds=8e-3)

@@ -24,6 +24,7 @@ SETS = {  # family of kernels, weights, velocities, slowest, longest step, looks
     "weighted, literal": ("coupled", (LITERAL,), 2 * M, 1 - M, M + 1, 18),
     "penalised": ("penalised", (1 - ASIDE, 1 - ASIDE), 2 * M, 1 - M, M + 1, 12),
 }
+ASKED = {"conventional": 60e-6, "Tonissen": 1.3e-3, "weighted": 3e-3}  # seconds of a whole trial
 
 
 def trial(frames, forward, path, weights, back, I, slowest, reach):
@@ -65,4 +66,4 @@ def rows():
         limit = looks * V * V * GRID[0] * GRID[1] * (K - 1) * look
         peer = ("scipy maximum_filter", best(filters, frames)) if name == "conventional" else ("", None)
         work = f"trial of {K} frames, {V * V * GRID[0] * GRID[1]} states"
-        yield Row(f"dynprog.{forward} ({name})", work, seconds, spec, limit, *peer)
+        yield Row(f"dynprog.{forward} ({name})", work, seconds, spec, limit, *peer, ASKED.get(name))

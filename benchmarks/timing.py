@@ -5,7 +5,10 @@ from typing import NamedTuple
 
 
 class Row(NamedTuple):
-    """One kernel: its work, its seconds per call, and those of its specification, its limit and a peer (None: does not apply)."""
+    """One kernel: its work, its seconds per call, and those of its specification, its limit and a peer (None: does not apply).
+
+    limit_seconds is what the machine needs for the same loads and operations, asked_seconds a target that was set for the whole.
+    """
 
     kernel: str
     work: str
@@ -14,6 +17,7 @@ class Row(NamedTuple):
     limit_seconds: float | None = None
     peer: str = ""
     peer_seconds: float | None = None
+    asked_seconds: float | None = None
 
 
 def best(function, *args, repeat=5, least=0.02):

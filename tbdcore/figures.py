@@ -351,7 +351,7 @@ def data(id):
     """
     path = paths.figures() / f"{id}.csv"
     if not path.is_file():
-        raise ValueError(f"{id}: no such data in {path.parents[1]}; products are named <paper>/<name>, such as track_cfar/fig05")
+        raise ValueError(f"{id}: no such data in {paths.figures()}; products are named <paper>/<name>, such as track_cfar/fig05")
     return pd.read_csv(path)
 
 

@@ -46,6 +46,12 @@ def test_latex_of_a_figure_and_of_a_table(execute, capsys):
         assert re.sub(r"\\.", "", text).count("{") == re.sub(r"\\.", "", text).count("}")
 
 
+@pytest.mark.parametrize(("name", "said"), [("fig1", "After~"), ("beyond_map", "Not in~"), ("open_gate", "Not in~")])
+def test_a_caption_names_the_paper_only_for_what_the_paper_shows(execute, name, said):
+    about = cite.product("tiny/fig1") | {"id": f"tiny/{name}"}
+    assert f"{said}\\cite{{tiny}}" in cite._latex(about, cite.files("tiny/fig1"))
+
+
 def test_a_caption_ends_once_and_the_bibliography_is_named(execute, capsys, tmp_path):
     about = tmp_path / "figures" / "tiny" / "fig1.json"
     for caption in ("Nine draws.", "Nine draws"):

@@ -3,6 +3,7 @@
 import copy
 import json
 import os
+import shutil
 import types
 from pathlib import Path
 
@@ -247,6 +248,17 @@ def test_the_hash_of_the_sources_follows_code_claims_and_modules(repository):
         module.write("\nextra = 1\n")
     assert len({first, second, third, fourth}) == 4
     assert pages.sources("tiny") == fourth
+
+
+@pytest.mark.parametrize("name", ["track_cfar/verdicts.csv", "track_cfar/fig05.csv"])
+def test_the_hash_of_the_index_follows_what_it_shows(tmp_path, monkeypatch, name):
+    shutil.copytree(paths.PRODUCTS, tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg"))
+    monkeypatch.setenv("TBDCORE_FIGURES", str(tmp_path / "figures"))
+    before, chapter = pages.sources("index"), pages.sources("track_cfar")
+    with (tmp_path / "figures" / name).open("a") as file:
+        file.write("\n")
+    assert pages.sources("index") != before
+    assert pages.sources("track_cfar") == chapter
 
 
 def executed():
