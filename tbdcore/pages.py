@@ -8,6 +8,7 @@ A *page* is a notebook ``notebooks/NN_<paper>.ipynb``.  Two of its tags matter h
         ``track_pfa: float = 0.1  # track false-alarm probability P_F; in (0, 1)``
         ``n_trials: int = 1000  # Monte Carlo trials; in [1, inf); quick 40``
         ``reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"``
+        ``snr_db: list = [3, 4, 5]  # SNR grid, dB; in [-30, 40]; increasing``
 
     so that what a reader sees is what is checked: name, type, range, and the value under ``--quick``.  ``parameters``
     reads the cell without running it, ``validate`` refuses what does not fit and names the nearest name that would.
@@ -34,6 +35,7 @@ import shlex
 import sys
 import tokenize
 import types
+from itertools import pairwise
 from pathlib import Path
 
 from tbdcore import paths
@@ -58,6 +60,7 @@ class Parameter:
     ends: str = "[]"
     choices: tuple = ()
     quick: object = None
+    increasing: bool = False
 
     def coerce(self, value):
         """The value in the parameter's type; raises ValueError when it has another type or lies outside the range."""
@@ -71,6 +74,8 @@ class Parameter:
             raise ValueError(f"parameter {self.name}: {value!r} is out of range; give {self.meaning}, in {self.range()}")
         if self.choices and value not in self.choices:
             raise ValueError(f"parameter {self.name}: {value!r} is none of {', '.join(map(repr, self.choices))}")
+        if self.increasing and (not value or any(a >= b for a, b in pairwise(value))):
+            raise ValueError(f"parameter {self.name}: {value!r} does not increase; give at least one number, the smallest first")
         return value
 
     def range(self):
@@ -172,7 +177,7 @@ def _parameter(node, comment):
         raise ValueError(
             f"parameters cell, line {node.lineno}: write `name: type = default  # meaning`, type one of {', '.join(TYPES)}"
         )
-    fields = {"meaning": comment.partition(";")[0]}
+    fields = {"meaning": comment.partition(";")[0], "increasing": "; increasing" in comment}
     if match := re.search(r"in ([\[(])\s*(\S+),\s*(\S+?)\s*([\])])", comment):
         fields |= {"low": float(match[2]), "high": float(match[3]), "ends": match[1] + match[4]}
     if match := re.search(r"one of (\"[^;]*)", comment):

@@ -22,7 +22,8 @@ track_pfa: float = 0.1  # track false-alarm probability P_F; in (0, 1)
 blur: float = 0.6  # width in cells; in (0, 0.8]
 reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"
 snr_db: list = [3, 4.5]  # grid, dB; in [-30, 40]
-square_law: bool = False  # accumulate z**2"""
+square_law: bool = False  # accumulate z**2
+rates: list = [0, 0.2]  # turn rates, rad/s; in [-1, 1]; increasing"""
 
 
 @pytest.fixture
@@ -64,6 +65,7 @@ GOOD = [
     ("snr_db", [40, -30], [40, -30]),
     ("reading", "m-r", "m-r"),
     ("blur", 0.8, 0.8),
+    ("rates", [0.4], [0.4]),
 ]
 
 
@@ -93,6 +95,9 @@ BAD = [  # name, value, words of the message
     ("snr_db", ["3"], ("out of range",)),
     ("snr_db", 3, ("3 is int; give list",)),
     ("square_law", 1, ("1 is int; give bool",)),
+    ("rates", [0.2, 0], ("[0.2, 0] does not increase; give at least one number, the smallest first",)),
+    ("rates", [0.2, 0.2], ("does not increase",)),
+    ("rates", [], ("[] does not increase",)),
     ("track_pfb", 0.1, ("'track_pfb'", "the nearest is 'track_pfa'")),
 ]
 
