@@ -239,9 +239,9 @@ class Portfolio:
 
     def _abandoned(self, folder):
         """Files of products of this paper that lie in the folder and that this run did not make."""
-        old = [file for file in folder.glob("*.json") if file.name not in self.files]
-        old = [file for file in old if record(file).get("paper") == self.paper]
-        return [file.with_suffix(f".{suffix}") for file in old for suffix in (*EMBEDDED, "csv", "md", "tex", "json")]
+        ours = [file for file in folder.glob("*.json") if record(file).get("paper") == self.paper]
+        files = [file.with_suffix(f".{suffix}") for file in ours for suffix in (*EMBEDDED, "csv", "md", "tex", "json")]
+        return [file for file in files if file.name not in self.files]
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):

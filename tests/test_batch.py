@@ -107,6 +107,7 @@ def test_a_failing_run_is_one_line_and_leaves_the_products(tbdcore, folder):
 def test_a_product_that_is_no_longer_made_is_removed(tbdcore, folder):
     other = folder / "figures" / "tiny" / "notes.txt"
     other.write_text("mine")
+    other.with_name("fig1.tex").write_text("of a figure that was a table once")
     cells = {name: source for name, source in tiny.CELLS.items() if name != "table"}
     (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
     assert tbdcore("run").returncode == 0
