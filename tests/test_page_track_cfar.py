@@ -88,6 +88,36 @@ def test_compiled_flight_equals_run(page, p):
     np.testing.assert_allclose(slow, eta[: len(slow)], rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("change", "capped"),
+    [
+        ({"snr0_db": 60.0}, True),
+        ({"gate_g": 0.01}, True),
+        ({"track_pfa": 0.999, "miss_limit": 1}, True),
+        ({"miss_limit": 10}, False),
+    ],
+)
+def test_compiled_flight_equals_run_at_the_ends_of_the_ranges(page, p, change, capped):
+    """Where the cap on eq. (13) acts from the first frame on, and where the counter has one state or ten."""
+    p = replace(p, **change)
+    z = page.truth(p)
+    scene = page.simulate(z, p, trials.generator(9, "track_cfar", "test", 0, "noise"))._replace(u=np.ones(p.frames))
+    plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
+    scans = [np.array([[*plot, lam]]) for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)]
+    slow = page.run(scans, p)
+    died, _, eta = page.fly(scene, z, page.design(p))
+    assert len(slow) == min(died + 1, p.frames)
+    np.testing.assert_allclose([track.eta for track in slow], eta[: len(slow)], rtol=1e-9, atol=1e-12)
+    assert (eta[0] == 0) == capped
+
+
+def test_without_a_target_the_chain_keeps_its_promise_and_the_cap_makes_it_smaller(page, p):
+    strong = replace(p, snr0_db=60.0, frames=p.miss_limit)
+    assert math.isclose(page.chain(replace(strong, gate_g=1e9), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12)
+    assert page.chain(strong, vanish=0).after[-1] < 0.5 * p.track_pfa
+    assert math.isclose(page.chain(replace(strong, snr0_db=0.0), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12)
+
+
 def test_same_bits_for_any_number_of_workers_and_for_one_trial_alone(page, p):
     z, d = page.truth(p), page.design(p)
     trial = partial(_trial, page_name="track_cfar", p=p, z=z, d=d)
