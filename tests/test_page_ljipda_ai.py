@@ -1,6 +1,7 @@
 """The page of LJIPDA-AI against answers that do not need it."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -101,20 +102,70 @@ def test_empty_radar_kills_the_tracks():
     assert np.isfinite(found).all()
 
 
+def test_a_dead_target_comes_back_with_the_second_row_of_the_matrix():
+    """No plots: existence by (11) with both rows, then a miss; by the whole matrix, whose rows sum to one."""
+    p = page.Scenario(p_detect=1e-12, clutter=1e-15)
+    z = page.simulate(p, rng(4))
+    p = replace(p, p_detect=0.95, p11=0.9, p21=0.2)
+    alive, matrix = page.run(z, p, rng(4), "LJIPDA")[1], np.array([[0.9, 0.1], [0.2, 0.8]])
+    D, belief = 0.95 * p.p_gate, np.array([p.p_start, 1 - p.p_start])
+    for k in range(1, 30):
+        belief = belief @ matrix * (1 - D, 1)
+        belief /= belief.sum()
+        np.testing.assert_allclose(alive[k], belief[0], rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"clutter": -1e-5}, "clutter density -1e-05 must be positive"),
-        ({"p_detect": 1.2}, "detection probability"),
-        ({"p_start": 0.0}, "existence probability 0 of track 0"),
-        ({"init_position": 0.0, "init_speed": 0.0}, "singular"),
+        ({"clutter": -1e-5}, "^clutter: -1e-05 in the scenario; give a positive, finite number$"),
+        ({"clutter": math.nan}, "^clutter: nan .* positive, finite"),
+        ({"p_detect": 1.2, "p_gate": 0.8}, r"^p_detect: 1.2 in the scenario; give a probability inside \(0, 1\)$"),
+        ({"p_detect": 0.8, "p_gate": 1.2}, "^p_gate: 1.2 "),
+        ({"p_start": 0.0}, "^p_start: 0.0 "),
+        ({"p11": 1.5}, r"^p11: 1.5 in the scenario; give a probability in \[0, 1\]$"),
+        ({"p21": -0.1}, "^p21: -0.1 "),
+        ({"init_position": 0.0}, "^init_position: 0.0 "),
+        ({"init_speed": math.inf}, "^init_speed: inf "),
+        ({"sigma_r": 0}, "^sigma_r: 0 "),
+        ({"sigma_r": "100"}, "^sigma_r: '100' "),
+        ({"sigma_theta_deg": 0.0}, r"^sigma_theta_deg: 0.0 in the scenario; give an angle inside \(0, 90\) degrees$"),
+        ({"gamma": -1}, "^gamma: -1 "),
+        ({"T": 0.0}, "^T: 0.0 "),
+        ({"half": -800.0}, "^half: -800.0 "),
+        ({"q": -1}, "^q: -1 in the scenario; give a finite number, not negative$"),
+        ({"snr_db": math.nan}, "^snr_db: nan in the scenario; give a level below 100 dB$"),
+        ({"assumed_db": 4000.0}, "^assumed_db: 4000.0 "),
+        ({"scenario": "x"}, "^scenario: 'x' is unknown; choose one of cross, print$"),
+        ({"frames": 60}, "^frames: 60 in the scenario; give a whole number, at least 75 scans for cross$"),
+        ({"frames": 1, "scenario": "print"}, "at least 2 scans for print$"),
     ],
 )
 def test_bad_scenarios_are_refused_in_one_line(change, words):
-    z = page.simulate(page.Scenario(), rng(5))
-    with pytest.raises((ValueError, np.linalg.LinAlgError), match=words) as caught:
-        page.run(z, page.Scenario(**change), rng(6))
+    with pytest.raises(ValueError, match=words) as caught:
+        page.Scenario(**change)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0, 1e100])
+def test_amplitudes_that_no_radar_gives_are_refused(bad):
+    p = page.Scenario()
+    z = page.simulate(p, rng(5))
+    z.u[7] = bad
+    with pytest.raises(ValueError, match=f"^plots: .* u of plot 7 is {re.escape(str(bad))}; give a number from 0 to 1e12$"):
+        page.run(z, p, rng(6))
+
+
+def test_plots_that_do_not_go_together_and_unknown_methods_are_refused():
+    p = page.Scenario()
+    z = page.simulate(p, rng(5))
+    for odd in (z._replace(first=z.first[:-1]), z._replace(first=z.first[::-1].copy()), z._replace(first=1.0 * z.first)):
+        with pytest.raises(ValueError, match="^plots: first does not divide .* into 100 scans; give 101 indices from 0 to "):
+            page.run(odd, p, rng(6))
+    with pytest.raises(ValueError, match="^plots: .* powers u of shape .*; give one excess power for each plot$"):
+        page.run(z._replace(u=z.u[:-1]), p, rng(6))
+    with pytest.raises(ValueError, match="^method: 'foo' is unknown; choose one of JIPDA, LJIPDA, "):
+        page.run(z, p, rng(6), "foo")
 
 
 def test_plots_that_are_not_finite_are_refused():
