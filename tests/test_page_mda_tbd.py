@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import sensor
+from tbdcore import pages, sensor
 
 page = tbdcore.page("mda_tbd")
 SMALL = page.Scenario(N=300, B=100, scans=40)
@@ -196,3 +197,33 @@ def test_bad_data_are_refused_in_one_line():
     z[3, 0, 0] = np.nan
     with pytest.raises(ValueError, match="frame 4 has a cell"):
         page.run(z, SMALL, rng(20))
+
+
+@pytest.mark.parametrize(("change", "some"), [({"R_T": 20.0, "window": 40}, False), ({"window": 1, "R": 12.0, "appears": 1}, True)])
+def test_outputs_of_a_run_are_tabled_even_where_there_are_none(change, some):
+    p, found = replace(SMALL, **change), {}
+    claims = SimpleNamespace(check=lambda id, holds, evidence: found.update({id: (holds, evidence)}))
+    names = {"base": p, "z": scene(p), "stream": lambda *_: rng(21), "claims": claims, "seed": 21, **vars(page)}
+    for opening in ("def outputs(", "looked = ", "youngest = "):
+        (source,) = [cell for cell in pages.cells("mda_tbd") if cell.startswith(opening)]
+        exec(source, names)
+    assert names["seen"].shape[1] == 3
+    assert (len(names["seen"]) > 0) == some
+    assert found["s2.thr"][0]
+    assert found["s2.kwl"][0]
+    assert ("no output in 40 frames" in found["s3.e1.delay"][1]) != some
+
+
+def test_a_window_longer_than_the_run_is_refused():
+    with pytest.raises(ValueError, match=r"parameter window: 201 is out of range; .*\[1, 200\]"):
+        pages.validate("mda_tbd", {"window": 201})
+
+
+def test_a_cloud_that_leaves_altogether_starts_anew_without_a_target():
+    z, cloud = scene(SMALL)[0] / SMALL.noise, page.start(SMALL, rng(22))
+    gone = cloud._replace(S=10.0 * cloud.S)
+    after, estimate = page.step(gone, 1.0, z, 10, SMALL, rng(23))
+    assert estimate.existence < 1e-200
+    rho, alpha = sensor.polar_cells(after.S[0], after.S[2], SMALL.grid)
+    assert ((rho >= 0.5) & (rho < 500.5) & (alpha >= 0.5) & (alpha < 90.5)).all()
+    assert page.step(after, estimate.existence, z, 11, SMALL, rng(24))[1].existence < 0.1
