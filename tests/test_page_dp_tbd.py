@@ -1,12 +1,13 @@
 """The algorithm of the dp_tbd notebook on your own frames: certain cases, closed forms, and what it refuses."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import dynprog, motion, sensor
+from tbdcore import dynprog, motion, pages, sensor
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +48,20 @@ def test_tonissen_has_no_path_near_a_strong_turn_by_propagating_sets(p, page):
                 steps = {(v, y + v - m) for v, y in near for m in (0, 1)}
                 near = {(v, y) for v, y in steps if abs(y - cells[k, axis]) <= 2}
             assert not near
+
+
+def test_targets_stay_in_the_region_for_every_turn_rate_and_noise_that_may_be_given(page, p):
+    known, rng = pages.parameters("dp_tbd"), np.random.default_rng(6)
+    corners = itertools.product(*((1e3 * lo, 1e3 * hi - 1e-3) for lo, hi in (p.x0, p.y0)), p.v0, p.v0)
+    for omega, x1 in itertools.product(np.linspace(known["turn_rates"].low, known["turn_rates"].high, 12), map(np.array, corners)):
+        cells = page.truth(omega, x1, p, None)[1]
+        assert cells.min() >= 0
+        assert cells.max() < 50
+        sensor.point_frames(np.zeros((p.K, *p.grid), np.float32), cells, 1.0)
+    noisy = replace(p, process_noise=known["process_noise"].high)
+    cells = np.array([page.truth(omega, page.start(p, rng), noisy, rng)[1] for omega in p.turn_rates for _ in range(10)])
+    assert cells.min() >= 0
+    assert cells.max() < 50
 
 
 def test_targets_stay_in_the_region_and_within_the_conventional_window(page, p):
@@ -107,7 +122,8 @@ def test_following_implies_finding(page, p):
         ({"a": 1.5}, "a"),
         ({"snr_db": (3, 5, 4)}, "snr_db"),
         ({"snr_db": ()}, "snr_db"),
-        ({"turn_rates": ()}, "snr_db"),
+        ({"turn_rates": ()}, "turn_rates"),
+        ({"turn_rates": (0.2, 0.2)}, "turn_rates"),
     ],
 )
 def test_a_scenario_that_cannot_be_meant_is_refused_in_one_line(p, change, word):
