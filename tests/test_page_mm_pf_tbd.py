@@ -165,6 +165,17 @@ def test_the_path_is_the_one_of_the_text(page):
     assert np.isnan(states[[5, 55]]).all()
 
 
+@pytest.mark.parametrize(
+    "change", [{}, {"speed": 0.4, "heading": 0.3}, {"turns": (0.0, -0.4), "speed": 0.4, "y": 12.0}, {"frames": 30}, {"frames": 3}]
+)
+def test_the_walk_that_is_checked_is_the_path_that_is_flown(page, change):
+    """The complex plane against the paper's matrices."""
+    scene = page.Scene(**change)
+    states = page.path(scene)[0][scene.appear - 1 : min(scene.t_f, scene.frames)]
+    walk = page.walk(scene)
+    assert np.allclose(np.column_stack([walk.real, walk.imag]), states[:, [0, 2]], rtol=1e-12)
+
+
 @pytest.mark.parametrize(("M", "alive", "says"), [(2000, 1300, True), (2000, 1299, False), (20, 13, True)])
 def test_the_threshold_counts_whole_particles(page, M, alive, says):
     rows = [(np.array([M - alive, alive, 0]), np.zeros(5), False, 1.0, 1)]
@@ -182,6 +193,9 @@ BAD = {
     "rows of Pi": lambda page: page.Prior(Pi=((0.9, 0.05, 0.06), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8))),
     "initial probabilities": lambda page: page.Prior(absent=0.8),
     "start outside": lambda page: page.Scene(x=31.0),
+    "path leaves the image": lambda page: page.Scene(speed=2.0),
+    "start flies out": lambda page: page.Scene(heading=np.pi),
+    "negative amplitude": lambda page: page.Scene(amplitude=-1),
     "no noise": lambda page: page.Scene(noise=0.0),
     "wide blob": lambda page: page.Scene(blur=2.0),
     "frames of another image": lambda page: page.run(np.zeros((3, 20, 30)), page.Params(), np.random.default_rng(0)),
