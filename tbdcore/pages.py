@@ -33,6 +33,7 @@ import os
 import re
 import shlex
 import sys
+import threading
 import tokenize
 import types
 from itertools import pairwise
@@ -45,6 +46,7 @@ from tbdcore.figures import Portfolio, artist, digest, versions
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a result
 COMMON = ("seed", "n_trials", *PLUMBING)
+_ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,18 +129,15 @@ def page(paper):
 
     name = f"tbdcore_page_{paper}"
     source = "\n\n\n".join(cells(paper, "algorithm"))
-    if name in sys.modules and sys.modules[name].__source__ == source:
-        return sys.modules[name]
-    file = paths.BUILD / "pages" / f"{paper}_{digest([source.encode()])}.py"
-    module = types.ModuleType(name, f"The algorithm cells of {path(paper).name}.")
-    module.__file__, module.__source__ = str(_written(file, source)), source
-    sys.modules[name] = module
-    try:
+    with _ONE_AT_A_TIME:  # a worker may have threads, and all of them may ask for the page at once
+        if name in sys.modules and sys.modules[name].__source__ == source:
+            return sys.modules[name]
+        file = paths.BUILD / "pages" / f"{paper}_{digest([source.encode()])}.py"
+        module = types.ModuleType(name, f"The algorithm cells of {path(paper).name}.")
+        module.__file__, module.__source__ = str(_written(file, source)), source
         exec(compile(source, module.__file__, "exec"), module.__dict__)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    cloudpickle.register_pickle_by_value(module)
+        sys.modules[name] = module
+        cloudpickle.register_pickle_by_value(module)
     return module
 
 

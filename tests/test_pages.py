@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import types
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -230,6 +231,14 @@ def test_a_broken_page_is_not_kept(repository):
     for _ in range(2):
         with pytest.raises(ZeroDivisionError):
             pages.page("tiny")
+
+
+def test_threads_that_ask_at_once_get_one_whole_page(repository):
+    rewrite(repository, algorithm="import time\n\ntime.sleep(0.2)\nanswer = 3")
+    with ThreadPoolExecutor(8) as pool:
+        asked = list(pool.map(lambda _: pages.page("tiny"), range(8)))
+    assert {page.answer for page in asked} == {3}
+    assert all(page is asked[0] for page in asked)
 
 
 def test_functions_of_a_page_reach_the_workers(repository):
