@@ -1,14 +1,12 @@
 """The cells of a notebook, run in this process: what a Jupyter kernel runs, without one, and with kernels compiled once.
 
-What stands in cells tagged ``algorithm`` is taken from ``tbdcore.page``, whose compiled code is kept on disk.  As a program:
-``python tests/notebook_cells.py PAPER name=value ...``.
+What stands in cells tagged ``algorithm`` is taken from ``tbdcore.page``, whose compiled code is kept on disk.
 """
 
 import symtable
-import sys
 
 import tbdcore
-from tbdcore import cli, pages
+from tbdcore import pages
 
 
 def run(paper, **parameters):
@@ -27,9 +25,3 @@ def _defined(cell):
     """Names that a cell binds at its top level."""
     scope = symtable.symtable(cell, "a cell", "exec")
     return [symbol.get_name() for symbol in scope.get_symbols() if symbol.is_assigned() or symbol.is_imported()]
-
-
-if __name__ == "__main__":
-    paper, *words = sys.argv[1:]
-    texts = dict(word.split("=", 1) for word in words)
-    run(paper, **{name: cli._value(text, pages.parameters(paper)[name].type) for name, text in texts.items()})

@@ -1,9 +1,5 @@
-"""A few trials of every paper, by the algorithm cells of its notebook: simulate, run, return everything that comes out.
+"""A few trials of every paper, by the algorithm cells of its notebook: simulate, run, return everything that comes out."""
 
-As a program, ``python tests/page_trials.py PAPER ...`` prints the results with the digits that data and verdicts are written with.
-"""
-
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -76,13 +72,3 @@ TRIALS = {trial.__name__: trial for trial in (dp_tbd, mm_pf_tbd, mda_tbd, track_
 def results(paper, n, **plumbing):
     """Some trials of a paper."""
     return trials.run(TRIALS[paper], n, seed=SEED, **plumbing)
-
-
-def written(result):
-    """Results as text with the digits of a data file."""
-    return " ".join(f"{value:.6g}" for field in result for value in np.ravel(field))
-
-
-if __name__ == "__main__":
-    for paper in sys.argv[1:]:
-        print(paper, written(results(paper, 2, workers=1)))
