@@ -67,7 +67,8 @@ def rows():
     cell, cell_spec = best(sensor.cell_power, z, rho, alpha), 80 * best(sensor.cell_power_spec, z, *few[:2], repeat=2)
     yield Row("sensor.cell_power", "8000 particles", cell, cell_spec)
     H, age, ancestors = rng.random((8, 1, 8000)), np.zeros(8000, int), np.sort(rng.integers(0, 8000, 6000))
-    yield Row("particles.inherit", "8 frames, 6000 of 8000 particles", best(particles.inherit, H, age, ancestors, 2000))
+    moved, moved_spec = (best(f, H, age, ancestors, 2000) for f in (particles.inherit, particles.inherit_spec))
+    yield Row("particles.inherit", "8 frames, 6000 of 8000 particles", moved, moved_spec)
     page = tbdcore.page("mda_tbd")
     for name, p in {"proposed": page.Scenario(), "mainstream": page.Scenario(source="state")}.items():
         fast = best(whole_trial, page, p, repeat=3)

@@ -188,26 +188,38 @@ def copies(r, S, ancestors):
 # Ancestors' history ----------------------------------------------------------------------------------------------------
 #
 # A particle's state has a past: the states of its ancestors, a candidate track.  What was read along that track in the last
-# `window` frames is kept in H (window, ..., N), particles on the last axis; frame k stands in row k mod window, whatever the
+# `window` frames is kept in H (window, s, N), s samples a frame, particles last; frame k stands in row k mod window, whatever the
 # age of the particle, so that a frame is written in one piece and only the particles move in resampling.
 
 
 def record(H, age, k, sample):
-    """Enter what every particle read in frame k, in place: sample (..., N) into row k mod window of H; age (N,) grows by one."""
+    """Enter what every particle read in frame k, in place: sample (s, N) into row k mod window of H; age (N,) grows by one."""
     H[k % len(H)] = sample
     age += 1
 
 
+def inherit_spec(H, age, ancestors, births):
+    """Specification of :func:`inherit`: fancy indices, and zeros behind them."""
+    return tuple(np.concatenate((a[..., ancestors], np.zeros((*a.shape[:-1], births), a.dtype)), axis=-1) for a in (H, age))
+
+
+@kernel
 def inherit(H, age, ancestors, births):
     """History and age after resampling: those of the `ancestors` (M,), followed by `births` particles that have none.
 
-    H : (window, ..., N); age : (N,) frames recorded since birth.  Returns new arrays (window, ..., M + births) and (M + births,).
+    H : (window, s, N), s samples a frame; age : (N,) frames recorded since birth.
+    Returns new arrays, (window, s, M + births) and (M + births,).
     """
-    M = len(ancestors)
-    moved, older = np.empty((*H.shape[:-1], M + births)), np.zeros(M + births, age.dtype)
-    np.take(H, ancestors, axis=-1, out=moved[..., :M], mode="clip")
-    moved[..., M:] = 0.0
-    older[:M] = age[ancestors]
+    M, size = ancestors.size, ancestors.size + births
+    moved, older = np.empty((H.shape[0], H.shape[1], size)), np.zeros(size, age.dtype)
+    for i in range(H.shape[0]):
+        for j in range(H.shape[1]):
+            old, new = H[i, j], moved[i, j]
+            for m in range(M):
+                new[m] = old[ancestors[m]]
+            new[M:] = 0.0
+    for m in range(M):
+        older[m] = age[ancestors[m]]
     return moved, older
 
 

@@ -49,3 +49,20 @@ CASES += [
     ("copies", particles.copies, particles.copies_spec, args)
     for args in (lambda: cloud(400, 200), lambda: cloud(20, 70), lambda: cloud(9, 5, regimes=1), lambda: cloud(0, 0))
 ]
+
+
+def histories(window, samples, n, M, births, seed=3):
+    rng = np.random.default_rng(seed)
+    H, age = rng.random((window, samples, n)), rng.integers(0, window + 1, n)
+    return H, age, np.sort(rng.integers(0, max(n, 1), M)), births
+
+
+CASES += [
+    ("inherit", particles.inherit, particles.inherit_spec, args)
+    for args in (
+        lambda: histories(8, 1, 90, 60, 30),
+        lambda: histories(3, 2, 9, 20, 1),
+        lambda: histories(0, 1, 9, 7, 2),
+        lambda: histories(4, 1, 5, 5, 0),
+    )
+]

@@ -118,7 +118,7 @@ def test_existence_at_its_limits():
 def test_history_travels_with_the_particle():
     """Every particle writes its own path into its history; after resampling the columns must still be those of the paths."""
     rng, window, N, births = np.random.default_rng(3), 4, 30, 10
-    H, age = np.zeros((window, N + births)), np.zeros(N + births, np.int64)
+    H, age = np.zeros((window, 1, N + births)), np.zeros(N + births, np.int64)
     paths = [() for _ in range(N + births)]
     for k in range(13):
         code = rng.random(N + births)
@@ -128,14 +128,14 @@ def test_history_travels_with_the_particle():
         H, age = particles.inherit(H, age, ancestors, births)
         paths = [paths[a] for a in ancestors] + [()] * births
         for n, path in enumerate(paths):
-            assert sorted(H[:, n]) == sorted([*path[-window:], *[0.0] * (window - len(path[-window:]))])
+            assert sorted(H[:, 0, n]) == sorted([*path[-window:], *[0.0] * (window - len(path[-window:]))])
             assert age[n] == len(path)
 
 
 def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
-    H, age = np.ones((3, 5)), np.full(5, 7)
+    H, age = np.ones((3, 1, 5)), np.full(5, 7)
     moved, older = particles.inherit(H, age, np.array([4, 4]), 2)
-    assert moved.tolist() == [[1, 1, 0, 0]] * 3
+    assert moved.tolist() == [[[1, 1, 0, 0]]] * 3
     assert older.tolist() == [7, 7, 0, 0]
     assert (H == 1).all()
     assert (age == 7).all()
