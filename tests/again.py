@@ -1,6 +1,6 @@
 """Every notebook again, by a dask cluster of five workers, on another kind of CPU: what local processes left in build/quick.
 
-Data, tables, verdicts and records byte by byte, pictures to the last bit of a pixel.  The other CPU is the least that there is
+Byte by byte; only in a PNG may one value of ten thousand be one step of colour off.  The other CPU is the least that there is
 (``other_cpu``), with kernels of its own; its numbers could differ in the last bit of a sum, and what is written must not.
 Run by ``.ci/test`` after ``tbdcore run --quick``, whose products it compares; not collected with the other tests.
 """
@@ -41,10 +41,10 @@ def scheduler(elsewhere):
         process.kill()
 
 
-def off(one, other):
-    """Largest difference of two pictures, in steps of 8-bit colour."""
+def alike(one, other):
+    """Whether two pictures differ by no more than one step of 8-bit colour, in no more than one value of ten thousand."""
     one, other = (np.round(255 * image.imread(file)).astype(int) for file in (one, other))
-    return np.abs(one - other).max() if one.shape == other.shape else 255
+    return one.shape == other.shape and np.abs(one - other).max() <= 1 and np.mean(one != other) <= 1e-4
 
 
 @pytest.mark.parametrize("paper", pages.papers())
@@ -54,6 +54,6 @@ def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, sche
     here, there = ({file.name: file for file in folder.iterdir()} for folder in (paths.BUILD / "quick" / paper, tmp_path / paper))
     assert here.keys() == there.keys()
     assert len([name for name in here if name.endswith(".csv")]) > 5
-    exact = [name for name in here if not name.endswith(".png")]
-    assert [name for name in exact if here[name].read_bytes() != there[name].read_bytes()] == []
-    assert {name: off(file, there[name]) for name, file in here.items() if name not in exact and off(file, there[name]) > 1} == {}
+    assert list((paths.BUILD / "other_cpu").rglob("*.nbi")), "no kernel was compiled for the other CPU"
+    changed = [name for name in here if here[name].read_bytes() != there[name].read_bytes()]
+    assert [name for name in changed if not (name.endswith(".png") and alike(here[name], there[name]))] == []
