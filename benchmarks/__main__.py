@@ -3,7 +3,7 @@
 All times are of this machine in this run.  "spec" is how many times slower the plain NumPy specification is, "limit" how many times
 longer the kernel takes than the machine's limit (the module says which), "asked" how many times longer a whole trial takes than
 it was asked to, "peer" how many times slower the other library is; a peer that is not installed is left out
-(``pip install 'tbdcore[peers]'``, best into an environment of its own).
+(``pip install -e '.[peers]'``, best into an environment of its own).
 """
 
 import importlib

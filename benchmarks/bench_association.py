@@ -1,10 +1,9 @@
 """Association: single scans, and whole trials of 100 scans with 3 tracks and about 230 plots a scan.
 
-The wanted times stand in the column of the limit: 8 ms for the plots of a trial and one tracker, 1 ms for the exact marginals of
-10 tracks that share 12 plots.  The specification of a trial is the same loop over scans with the dense NumPy formulas; that of
-the exact marginals lists the joint events, which for 10 tracks nobody can, so it is timed on 4 tracks and 6 plots.  The peer is
-Stone Soup's JPDA, where it is installed: whole scans of tracks that share all plots, densities and its objects included, which
-must give the same marginals first.
+Asked are 8 ms for the plots of a trial and one tracker, and 1 ms for the exact marginals of 10 tracks that share 12 plots.  The
+specification of a trial is the same loop over scans with the dense NumPy formulas; that of the exact marginals lists the joint
+events, which for 10 tracks nobody can, so it is timed on 4 tracks and 6 plots.  The peer is Stone Soup's JPDA, where it is
+installed: whole scans of tracks that share all plots, densities and its objects included, which must give the same marginals first.
 """
 
 import importlib.util

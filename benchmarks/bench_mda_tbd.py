@@ -4,7 +4,7 @@ The specification of the likelihood sums dense frames, one particle after the ot
 cost without any thought: read 65 cells of each particle and divide once per cell, nothing else.  The peer is the filter as
 it is written in NumPy, all particles at once: the 65 cells gathered by index arrays, a logarithm per cell.  It replaces
 ``power_log_ratio`` on the very page that the notebook shows, so that both trials run on the same frames in one process.
-The limit of the trial is the wanted one, 0.30 s.
+Asked are 0.30 s for a trial.
 """
 
 from dataclasses import replace

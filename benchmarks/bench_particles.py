@@ -3,7 +3,7 @@
 The peer of the kernels is vectorised NumPy, written as one would without a compiler: all patches gathered in one array, masks
 for the regimes, a sorted search for the resampling, indices for the copies.  The trials are those of the page ``mm_pf_tbd``;
 their peer is the same page with these functions in the place of the kernels, so that both columns draw the same random
-numbers and do the same work.  The limit of a trial is the cost that was asked for.
+numbers and do the same work.  Asked are 10 and 25 ms for a trial.
 """
 
 from dataclasses import replace

@@ -2,8 +2,8 @@
 
 The specification is ``run``, the page's executable equations, on the target's plots alone.  The peers are the same flight in
 vectorised NumPy, all flights at once, and with an extended Kalman filter object of filterpy for each flight (without false
-alarms); both must delete every track in the frame in which the compiled flight does.  The limit is the time that was asked for:
-60 us proposed, 30 us traditional.  A scene is drawn once and flown by both detectors, so drawing and seeding have rows of
+alarms); both must delete every track in the frame in which the compiled flight does.  Asked are 60 us
+proposed and 30 us traditional.  A scene is drawn once and flown by both detectors, so drawing and seeding have rows of
 their own.
 """
 

@@ -12,7 +12,7 @@ Three names are of the package itself:
 
 ``kernel``
     the one decorator of every compiled loop: Numba's ``njit`` with a disk cache and NumPy's division.  No ``fastmath``, no
-    threads: a sum must have the same bits on every machine and for every number of workers.
+    threads: a sum has the same bits for every number of workers, and on another kind of CPU differs in the last ones at most.
 ``begin(paper, namespace)``
     opens a notebook's run: checks its parameters, returns its ledger of claims and its portfolio of figures.
 ``page(paper)``

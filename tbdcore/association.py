@@ -382,9 +382,12 @@ def jipda(log_ratio, existence, detect):
     beta, posterior = _subset_marginals(log_w, log_miss, np.exp(v)), np.empty(T)
     for t in range(T):
         beta[t, 0] *= (1.0 - detect[t]) * existence[t] / (1.0 - detect[t] * existence[t])
-        posterior[t] = beta[t].sum()
+        posterior[t] = 0.0
+        for m in range(M + 1):
+            posterior[t] += beta[t, m]
         if posterior[t] > 0.0:
-            beta[t] /= posterior[t]
+            for m in range(M + 1):
+                beta[t, m] /= posterior[t]
         else:
             beta[t, 0] = 1.0  # a track that is certainly dead: nothing is its plot
     return beta, posterior

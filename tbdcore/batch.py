@@ -6,9 +6,9 @@ product, made from the present sources with these parameters and these package v
 
 ``sweep`` runs a notebook for each value of one parameter and keeps one tidy table, a row for each value and claim.
 
-An interrupted run (Ctrl-C, or a batch system's SIGTERM) leaves the old products, no half-written file and no process.  papermill
-works in a thread for that reason: in the main thread it would take the signal for itself, stop the kernel, and forget the
-worker processes that the kernel had started.
+An interrupted run (Ctrl-C, a batch system's SIGTERM, a terminal that is closed) leaves the old products, no half-written file
+and no process.  papermill works in a thread for that reason: in the main thread it would take the signal for itself, stop the
+kernel, and forget the worker processes that the kernel had started.
 """
 
 import contextlib
@@ -78,7 +78,8 @@ def run(paper, values, output, *, say=print, resume=False):
     try:
         _watched(lambda: pages.execute(paper, values, output), lambda: _show(paper, time.monotonic() - start, expected))
     except RuntimeError as error:
-        return result._replace(seconds=round(time.monotonic() - start, 1), status=FAILED, error=str(error))
+        seconds, failed = round(time.monotonic() - start, 1), str(pages.failed_at(output))
+        return result._replace(seconds=seconds, notebook=failed, status=FAILED, error=str(error))
     seconds = round(time.monotonic() - start, 1)
     figures.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
     result = result._replace(seconds=seconds, verdicts=counts(folder / paper))
@@ -180,15 +181,15 @@ def _watched(work, tick):
 
 @contextlib.contextmanager
 def _terminable():
-    """A request to end (SIGTERM) is a Ctrl-C."""
-    before = None
+    """A request to end (SIGTERM), or the end of the terminal (SIGHUP), is a Ctrl-C."""
+    before = {}
     with contextlib.suppress(ValueError):  # not the main thread
-        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+        before = {number: signal.signal(number, signal.default_int_handler) for number in figures.ENDING[1:]}
     try:
         yield
     finally:
-        if before is not None:
-            signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
 
 
 def _end(processes):

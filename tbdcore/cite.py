@@ -98,7 +98,9 @@ def _here(file, start=None):
 
 def _latex(about, have):
     """A figure or a table environment, which needs no other packages than graphicx and booktabs."""
-    kind = "figure" if "pdf" in have else "table"
+    kind = "figure" if "png" in have or "pdf" in have else "table"
+    if {"figure": "pdf", "table": "tex"}[kind] not in have:
+        raise ValueError(f"{about['id']}: its files are incomplete; make them anew: tbdcore run {about['paper']}")
     label = f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"
     source = _after(about)
     says = figures.tex(about["caption"].rstrip(" ."))
@@ -158,10 +160,14 @@ def repository_entry():
     """BibTeX of this repository, from CITATION.cff."""
     import yaml
 
-    about = yaml.safe_load(paths.CITATION.read_text(encoding="utf-8"))
+    try:
+        about = yaml.safe_load(paths.CITATION.read_text(encoding="utf-8"))
+        author, title = " and ".join(map(_name, about["authors"])), f"{{{figures.tex(about['title'])}}}"
+    except (yaml.YAMLError, KeyError, TypeError):
+        raise ValueError(f"{paths.CITATION.name}: no authors or no title in it; take it from the repository again") from None
     fields = {
-        "author": " and ".join(map(_name, about["authors"])),
-        "title": f"{{{figures.tex(about['title'])}}}",
+        "author": author,
+        "title": title,
         "version": about.get("version"),
         "year": str(about.get("date-released", ""))[:4],
         "doi": about.get("doi"),
@@ -294,7 +300,7 @@ def which(file, folder=None):
     known = beside if beside.get("id") == found.id else _beside(kept) if same else {}
     caption = [known["caption"]] if known else []
     data = f", data/claims/{paper}.csv" if paper in claims.papers() else ""
-    sources = f"sources {made}: {pages.path(paper).name}{data} and the modules that the notebook imports"
+    sources = f"sources {made}: {pages.path(paper).name}{data} and the modules of the package behind it"
     copy = f"{'the same bytes as' if same else 'differs from'} {_here(kept)}" if kept.is_file() else f"there is no {_here(kept)}"
     lines = [found.id, *caption, sources, state, copy, f"remake: {found.remake or f'tbdcore run {paper}'}"]
     return "\n  ".join(lines) + "\n", made == now

@@ -37,6 +37,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from tbdcore import paths
+from tbdcore.score import Z99  # half width of our interval, in standard errors
 
 COLUMNS = ("id", "item", "quantity", "conditions", "value", "unit", "kind", "where", "cause")
 KINDS = ("input", "number", "ordering", "trend", "bound", "statement")
@@ -59,7 +60,6 @@ UNITS = {  # printed unit: (dimension, size in the unit the code would use)
     "deg": ("angle", math.pi / 180),
     "rad/s": ("turn rate", 1.0),
 }
-Z99 = 2.576  # half width of our interval, in standard errors
 Z_PAPER = 2.6  # room for the paper's own Monte Carlo error, in standard errors
 FINE = 0.2  # an error below this share of the band lets the point estimate decide
 
@@ -79,7 +79,10 @@ class Claim(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """One row of verdicts.csv; `measured`, `se` and `n` are text, `note` says more than the table needs."""
+    """One row of verdicts.csv; `measured`, `se` and `n` are text, `note` is what its line adds.
+
+    `cause` says why it differs, why it is untestable, or how many trials would settle it.
+    """
 
     id: str
     item: str
@@ -278,12 +281,13 @@ class Ledger:
         self.claims = read(paper, folder)
         self.verdicts = {}
 
-    def check(self, id, measured, *, se=0.0, n=None, paper_n=None, evidence=""):
+    def check(self, id, measured, *, se=0.0, n=None, paper_n=None, step=None, evidence=""):
         """Judge a claim; see the module docstring.
 
         `measured` is our number (in the printed unit) for a row of kind number; a margin, positive where the claim
         holds, for the other kinds, or a plain bool where no chance is involved, for which `evidence` is mandatory.
-        `evidence` is what the table shows.
+        `evidence` is what the table shows.  `step` is the smallest difference the print could show where its digits do not say:
+        a share of 100 runs that is printed as 0 has a step of 0.01; by default it is one of the last printed digit.
         """
         claim = self._open(id)
         if claim.kind == "input":
@@ -293,12 +297,14 @@ class Ledger:
         measured, se = float(measured), float(se)
         if claim.kind == "number":
             shown = digits(measured, se)
-            verdict, needed = judge(*parse(claim.value), measured, se, n, paper_n)
+            published, half_digit = parse(claim.value)
+            verdict, needed = judge(published, half_digit if step is None else 0.5 * step, measured, se, n, paper_n)
         else:
             shown = evidence or f"margin {digits(measured, se)}"
             verdict, needed = judge_margin(measured, se, n)
-        note = f"; {needed} trials would settle it" if needed else ""
-        return self._enter(claim, shown, _se(se), n, verdict, claim.cause if verdict == "differs" else "", note)
+        settled = f"{needed} trials would settle it" if needed else ""
+        cause = claim.cause if verdict == "differs" else settled
+        return self._enter(claim, shown, _se(se), n, verdict, cause, f"; {settled}" if settled else "")
 
     def _check_truth(self, claim, holds, n, evidence):
         """A claim settled without chance."""
@@ -384,7 +390,8 @@ class Ledger:
 
     def _enter(self, claim, measured, se, n, verdict, cause="", note=""):
         """Enter a verdict and return it."""
-        published = f"{claim.value} {claim.unit}" if claim.unit not in ("", "-", "not printed") else claim.value
+        speaks = claim.unit not in ("", "-", "not printed") and re.search(r"[\d\]}]$", claim.value)  # behind numbers only
+        published = f"{claim.value} {claim.unit}" if speaks else claim.value
         count = "" if n is None else str(int(n))
         self.verdicts[claim.id] = Verdict(
             claim.id, claim.item, claim.quantity, published, measured, se, count, verdict, cause, note
@@ -430,8 +437,8 @@ def nearest(word, words):
 def scorecard(folder=None):
     """Count of verdicts by paper, with the `differs` that chance alone would give.
 
-    A Monte Carlo claim that is true is called `differs` with a probability of at most 1 % (two 99 % margins add up),
-    so among m of them at most 0.01 m are expected.
+    A Monte Carlo claim that is true is called `differs` with a probability of about 1 % at the most (two 99 % margins add up), so
+    among m of them about 0.01 m are expected.
 
     Raises FileNotFoundError when a paper has no verdicts, ValueError when its claims and verdicts do not match.
     """
@@ -441,7 +448,7 @@ def scorecard(folder=None):
         counts = table["verdict"].value_counts()
         chance = 0.01 * ((table["se"] != "") & table["verdict"].isin(VERDICTS[:3])).sum()
         rows.append([paper, len(table), *(int(counts.get(verdict, 0)) for verdict in VERDICTS), f"{chance:.2f}"])
-    card = pd.DataFrame(rows, columns=["paper", "claims", *VERDICTS, "differs by chance, at most"])
+    card = pd.DataFrame(rows, columns=["paper", "claims", *VERDICTS, "differs by chance, about"])
     total = [
         "all",
         *(int(card[column].sum()) for column in card.columns[1:-1]),
@@ -470,7 +477,9 @@ def verdicts(paper, folder=None):
         table = pd.read_csv(path, dtype=str, keep_default_na=False)
     except (pd.errors.ParserError, pd.errors.EmptyDataError):
         raise ValueError(f"{path}: no table of verdicts; make it anew: tbdcore run {paper}") from None
-    if list(table.get("id", ())) != list(read(paper)):
+    if list(table.columns) != list(Verdict._fields[:9]):
+        raise ValueError(f"{path}: its columns are {','.join(table.columns)}; make it anew: tbdcore run {paper}")
+    if list(table["id"]) != list(read(paper)):
         odd = sorted(set(table["id"]) ^ set(read(paper))) or ["their order"]
         raise ValueError(
             f"{paper}: verdicts.csv and data/claims/{paper}.csv do not match in {', '.join(odd)}; run tbdcore run {paper}"

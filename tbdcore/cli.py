@@ -81,8 +81,9 @@ def _parser():
     score.set_defaults(command=_score)
     cite = commands.add_parser("cite", help="caption, files and BibTeX of a figure or table")
     cite.add_argument("id", metavar="PAPER/NAME", help="for instance track_cfar/fig05")
+    forms = cite.add_mutually_exclusive_group()
     for form, said in _FORMS.items():
-        cite.add_argument(f"--{form}", dest="form", action="store_const", const=form, default="", help=said)
+        forms.add_argument(f"--{form}", dest="form", action="store_const", const=form, default="", help=said)
     cite.add_argument("--out", metavar="DIR", help="folder that holds the products instead of figures/")
     cite.set_defaults(command=_cite)
     which = commands.add_parser("which", help="what a file is, what made it, and whether that has changed since")
@@ -151,9 +152,10 @@ def _sweep(arguments):
     _reachable(values for _, values in runs)
     folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / arguments.paper
     results = batch.sweep(arguments.paper, name, runs, folder, say=_voice(arguments), resume=arguments.resume)
-    status = max(_told(arguments, arguments.paper, partial(next, results)).status for _ in runs)
-    _voice(arguments)(f"{arguments.paper}: table in {folder / name}.csv")
-    return status
+    ended = [_told(arguments, arguments.paper, partial(next, results)).status for _ in runs]
+    if GOOD in ended:
+        _voice(arguments)(f"{arguments.paper}: table in {folder / name}.csv")
+    return max(ended)
 
 
 def _voice(arguments):
@@ -208,6 +210,10 @@ def _values(paper, arguments):
         values["out"] = str(paths.BUILD / "run")
     paths.BUILD.mkdir(exist_ok=True)
     folder = pages.usable(values.get("out") or paths.figures())
+    if changed and folder == paths.PRODUCTS.resolve():
+        raise Fault(
+            f"--out {values['out']}: the repository's figures are for default parameters; give these another folder: build/try"
+        )
     return values | {"out": str(folder)} if values.get("out") else values
 
 
@@ -306,7 +312,11 @@ def _changes(scorecard, every):
     if not scorecard.is_file():
         return []
     key = ["paper", "id"]
-    both = every.merge(pd.read_csv(scorecard, dtype=str, keep_default_na=False), on=key, suffixes=("", "_old"))
+    try:
+        earlier = pd.read_csv(scorecard, dtype=str, keep_default_na=False)[[*key, "verdict"]]
+    except (KeyError, pd.errors.ParserError, pd.errors.EmptyDataError):
+        raise ValueError(f"{scorecard}: no scorecard; delete it, then make it anew: tbdcore score") from None
+    both = every.merge(earlier, on=key, suffixes=("", "_old"))
     changed = both[both["verdict"] != both["verdict_old"]]
     return [f"{row.paper} {row.id} was {row.verdict_old}, is {row.verdict}" for row in changed.itertuples()]
 

@@ -165,10 +165,12 @@ def _room(shape, slack, slowest, reach):
 
 @kernel
 def _allowed(weight):
-    """Index of the first positive weight, and how many there are."""
+    """Index of the first positive weight, and how many there are; refuses a gap between them."""
     first, count = 0, 0
     for c in range(weight.size - 1, -1, -1):
         if weight[c] > 0:
+            if count > 0 and first != c + 1:
+                raise ValueError("position: the allowed slacks must be neighbours; fill the gap, or use the specification")
             first, count = c, count + 1
     return first, count
 
@@ -245,9 +247,10 @@ def _path_of(I, state, table, slowest, combine):
 @kernel
 def _start(z, I):
     """Eq. (14): before the second frame every velocity has gathered the same."""
-    for iv in range(I.shape[1]):
-        for jv in range(I.shape[2]):
-            I[0, iv, jv, :, :] = z[0]
+    first, frame = I[0].reshape(I.shape[1] * I.shape[2], z[0].size), z[0].reshape(z[0].size)
+    for v in range(first.shape[0]):
+        for x in range(frame.size):
+            first[v, x] = frame[x]
 
 
 @kernel
@@ -333,7 +336,7 @@ def weighted_forward(z, position, velocity, slowest, reach, I):
     Arrays as in :func:`box_forward`; position, velocity : (3,) of the data's type, positive in the middle.  The reading
     Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
     """
-    _extended(z, position, velocity, slowest, reach, False, I)
+    _extended(z, position, velocity, slowest, reach, np.bool_(False), I)  # a plain False is a type of its own: compiled twice
     return I
 
 
@@ -348,7 +351,7 @@ def penalised_forward(z, position, velocity, slowest, reach, I):
 
     Not in the paper.  A price of lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
-    _extended(z, position, velocity, slowest, reach, True, I)
+    _extended(z, position, velocity, slowest, reach, np.bool_(True), I)
     return I
 
 
@@ -474,7 +477,7 @@ def weighted_path(I, state, position, velocity, slowest):
     counted in the margin layout.  Returns states of the same form, (K, 4) of int; four times -1 from where no predecessor can be
     reached.
     """
-    return _path(I, state, position, velocity, slowest, False)
+    return _path(I, state, position, velocity, slowest, np.bool_(False))
 
 
 def penalised_path_spec(I, state, position, velocity, slowest):
@@ -485,7 +488,7 @@ def penalised_path_spec(I, state, position, velocity, slowest):
 @kernel
 def penalised_path(I, state, position, velocity, slowest):
     """The best path that ends in ``state`` under penalised_forward; see :func:`weighted_path`."""
-    return _path(I, state, position, velocity, slowest, True)
+    return _path(I, state, position, velocity, slowest, np.bool_(True))
 
 
 def coupled_path_spec(I, state, table, slowest):

@@ -41,6 +41,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from tbdcore import paths, trials
+from tbdcore.score import Z99
 
 STYLE = {
     "figure.dpi": 100,
@@ -88,13 +89,13 @@ COLOURS = {  # an algorithm keeps its colour through the whole repository
     "exact_ai": PURPLE,
 }
 LINES = {"reference": "--", "exact": ":", "traditional": "-.", "truth": "--", "conventional": "-.", "tonissen": "--"}
-Z99 = 2.576
 EMBEDDED = {  # where each format keeps the id, the hash of the sources and the command that made the picture
     "pdf": ("Title", "Subject", "Keywords"),
     "svg": ("Title", "Source", "Description"),
     "png": ("Title", "Source", "Comment"),
 }
 CANVASES = {"pdf": FigureCanvasPdf, "svg": FigureCanvasSVG, "png": FigureCanvasAgg}
+ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))  # what asks a run to end
 DONE = "done"  # what an artist is told when there is nothing more to draw
 NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
@@ -307,7 +308,7 @@ def write(folder, files, old=()):
     or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    beside = [(folder / f".{name}.part", folder / name) for name in files]
+    beside = [(folder / f".{name}.{os.getpid()}.part", folder / name) for name in files]
     try:
         for (part, _), content in zip(beside, files.values(), strict=True):
             part.write_bytes(content)
@@ -326,7 +327,7 @@ def _undisturbed():
     """Hold back Ctrl-C and a request to end until the block is done (signals reach the main thread only)."""
     came, before = [], {}
     with contextlib.suppress(ValueError):  # not the main thread
-        before = {number: signal.signal(number, lambda *event: came.append(event[0])) for number in (signal.SIGINT, signal.SIGTERM)}
+        before = {number: signal.signal(number, lambda *event: came.append(event[0])) for number in ENDING}
     try:
         yield
     finally:
@@ -339,8 +340,10 @@ def _undisturbed():
 def record(file):
     """What a product's JSON file says of it; raises ValueError, naming the file, when it is damaged."""
     try:
-        return dict(json.loads(file.read_text(encoding="utf-8")))
-    except (ValueError, TypeError):
+        about = dict(json.loads(file.read_text(encoding="utf-8")))
+        _ = [about[key] for key in ("id", "caption", "paper", "claims", "files", "seed", "trials", "sources")]
+        return about
+    except (ValueError, TypeError, KeyError):
         raise ValueError(f"{file}: damaged; delete it, then make the products anew: tbdcore run {file.parent.name}") from None
 
 

@@ -22,9 +22,9 @@ depends on where the target is: ``gate_tracks`` evaluates it at the predicted po
 ``predict_tracks`` and ``update_mixture`` take the same stack of tracks through a scan whose plots carry association weights.
 
 The covariance mixes metres, metres per second and ellipses a thousand times longer than wide; ``update`` therefore
-uses Joseph's form, and the compiled one symmetrises by construction.  Start a track from two plots (``two_point``): a
-single plot with a loose velocity lets the linearisation err by e**2 / 2 r, many range accuracies for a cross-range
-error e of kilometres, and the filter fails.
+uses Joseph's form, and the compiled one symmetrises by construction.  Start a track from two plots (``two_point``): after a
+single plot with a loose velocity the prediction may be kilometres off across the line of sight, and an error e there makes the
+linearisation err in range by e**2 / 2 r, many range accuracies.  A target that flies along the line of sight is spared.
 """
 
 import math

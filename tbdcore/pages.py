@@ -27,12 +27,12 @@ import dataclasses
 import io
 import json
 import keyword
-import linecache
 import math
 import os
 import re
 import shlex
 import sys
+import tempfile
 import threading
 import tokenize
 import types
@@ -45,6 +45,7 @@ from tbdcore.figures import Portfolio, artist, digest, versions
 
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a result
+EVERYWHERE = {"__init__", "claims", "figures", "pages", "paths", "trials"}  # modules that every product has passed through
 COMMON = ("seed", "n_trials", *PLUMBING)
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -114,7 +115,10 @@ def path(paper):
 
 def cells(paper, tag=None):
     """Sources of a notebook's code cells, those with a tag if one is given."""
-    notebook = json.loads(path(paper).read_text(encoding="utf-8"))
+    try:
+        notebook = json.loads(path(paper).read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path(paper).name}: no notebook ({error}); take it from the repository again") from None
     code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     return ["".join(cell["source"]) for cell in code if tag is None or tag in cell["metadata"].get("tags", ())]
 
@@ -142,7 +146,7 @@ def page(paper):
 
 
 def _written(file, source):
-    """A real file for the source, where Numba's cache and tracebacks look; without one, lines that Python alone knows."""
+    """A file of the source, which Numba's cache and tracebacks need; where it cannot be written, one that the machine forgets."""
     try:
         if not file.is_file():
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -150,7 +154,8 @@ def _written(file, source):
             part.write_text(source, encoding="utf-8")
             os.replace(part, file)
     except OSError:
-        linecache.cache[str(file)] = (len(source), None, source.splitlines(True), str(file))
+        file = Path(tempfile.mkdtemp(prefix="tbdcore_")) / file.name
+        file.write_text(source, encoding="utf-8")
     return file
 
 
@@ -216,7 +221,7 @@ def begin(paper, namespace):
     namespace.update(values)
     default = all(values[name] == known[name].default for name in known if name not in PLUMBING)
     folder = usable(values["out"] or paths.figures())
-    if values["out"] == "" and not default and not os.environ.get("TBDCORE_FIGURES"):
+    if not default and folder == paths.PRODUCTS.resolve():
         raise ValueError(f"{paper}: the repository's figures are for default parameters; give these ones a folder: out='build/try'")
     shown = {name: value for name, value in values.items() if name not in PLUMBING}
     provenance = {
@@ -266,14 +271,15 @@ def usable(out):
 
 
 def sources(paper):
-    """Hash of everything that decides a paper's numbers.
+    """Hash of everything that decides a paper's products.
 
-    The notebook's code, its claims, and every module of the package that it imports, directly or through another; for the
-    index, which computes nothing, the verdicts and the data of the papers that it shows.
+    The notebook's code, its claims, every module of the package that it imports, directly or through another, and those that
+    all products pass through; for the index, which computes nothing, the verdicts and the data of the papers that it shows.
     """
     code = cells(paper)
     modules = reached("\n".join(line for cell in code for line in cell.splitlines() if not line.startswith(("%", "!"))))
-    files = [paths.CLAIMS / f"{paper}.csv", *(paths.PACKAGE / f"{name}.py" for name in sorted(modules)), *_shown(paper, code)]
+    package = [paths.PACKAGE / f"{name}.py" for name in sorted(modules | EVERYWHERE)]
+    files = [paths.CLAIMS / f"{paper}.csv", *package, *_shown(paper, code)]
     return digest([cell.encode() for cell in code] + [file.read_bytes() for file in files if file.is_file()])
 
 
@@ -339,8 +345,9 @@ def execute(paper, given, output, progress=False):
             extra_arguments=["--IPKernelApp.log_level=50"],  # what a kernel says of its start and its end is not the run's
         )
         os.replace(part, output)
+        failed_at(output).unlink(missing_ok=True)
     except PapermillExecutionError as error:
-        failed = output.with_suffix(".failed.ipynb")
+        failed = failed_at(output)
         os.replace(part, failed)
         message = re.sub(r"\s+", " ", f"{error.ename}: {error.evalue}")
         raise RuntimeError(f"{paper}, cell {error.exec_count}: {message}; the run is in {failed}") from None
@@ -349,6 +356,11 @@ def execute(paper, given, output, progress=False):
     finally:
         part.unlink(missing_ok=True)
     return output
+
+
+def failed_at(output):
+    """Where an executed notebook is left when a cell has failed."""
+    return output.with_suffix(".failed.ipynb")
 
 
 def _engine():

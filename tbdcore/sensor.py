@@ -94,7 +94,9 @@ def blob_log_ratio(z, S, r, peak, blur, noise):
     k = 1.0 / (blur * blur)
     one, two = math.exp(-0.5 * k), math.exp(-2.0 * k)
     framed = np.zeros((nx + 4, ny + 4))
-    framed[2 : nx + 2, 2 : ny + 2] = z
+    for i in range(nx):
+        for j in range(ny):
+            framed[i + 2, j + 2] = z[i, j]
     out = np.zeros(r.size)
     for n in range(r.size):
         x, y = S[n, 0], S[n, 2]
@@ -488,7 +490,7 @@ def _coherent(z, rho, alpha, snr, spread, step, table, out):
                 top = term
             else:
                 total += math.exp(term - top)
-                if term < top - 20.0:
+                if not term >= top - 20.0:  # a NaN ends it too
                     break
             b += width
         out[n] = top + math.log(total - width * width / (12.0 * snr[n]) * math.exp(-top))

@@ -32,6 +32,7 @@ from tqdm import tqdm
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
 CHUNKS_PER_WORKER = 8  # small enough to balance the load, large enough to hide the cost of sending
+PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
 DAY = 86400  # seconds an idle process waits; loky warns, on standard error, of one that leaves as work arrives
 
 
@@ -127,7 +128,7 @@ def _dask(address):
         from distributed import Client
     except ModuleNotFoundError:
         raise ConnectionError(
-            f"scheduler {address!r}: the package distributed is not installed; use: pip install 'tbdcore[cluster]'"
+            f"scheduler {address!r}: the package distributed is not installed; in the repository: pip install -e '.[cluster]'"
         ) from None
     if not re.fullmatch(r"(\w+://)?[\w.\-\[\]]+:\d+|inproc://\S+", address):
         raise ConnectionError(
@@ -140,8 +141,18 @@ def _dask(address):
             f"scheduler {address!r}: no dask scheduler answers there ({type(error).__name__}); "
             "check the address, or leave it empty for this machine"
         ) from None
-    with client, client.get_executor() as pool:
-        yield pool
+    with client:
+        _manned(client, address)
+        with client.get_executor() as pool:
+            yield pool
+
+
+def _manned(client, address):
+    """Raise unless the scheduler has a worker, or gets one soon."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise ConnectionError(f"scheduler {address!r}: it has no worker; start one: dask worker {address}") from None
 
 
 def _chunks(n, count):

@@ -1,6 +1,7 @@
-"""Every notebook again, by a dask cluster of five workers, on another kind of CPU: what local processes left in build/quick.
+"""Every notebook again, and every product: what the processes of this machine, one for each core, left in build/quick.
 
-Byte by byte; only in a PNG may one value of ten thousand be one step of colour off.  The other CPU is the least that there is
+By one process and by five, one notebook, byte by byte.  By a dask cluster of five workers on another kind of CPU, all of them, byte
+by byte too; only in a PNG may one value of ten thousand be one step of colour off.  The other CPU is the least that there is
 (``other_cpu``), with kernels of its own; its numbers could differ in the last bit of a sum, and what is written must not.
 Run by ``.ci/test`` after ``tbdcore run --quick``, whose products it compares; not collected with the other tests.
 """
@@ -15,6 +16,7 @@ from matplotlib import image
 
 from tbdcore import pages, paths
 
+CACHE = paths.BUILD / "other_cpu"
 CLUSTER = """
 from distributed import LocalCluster
 
@@ -28,7 +30,7 @@ with LocalCluster(**options, dashboard_address=None) as cluster:
 @pytest.fixture(scope="module")
 def elsewhere():
     """Environment of the processes of the other CPU; their compiler's cache outlives the tests, as the machine's own does."""
-    return other_cpu.environment(paths.BUILD / "other_cpu")
+    return other_cpu.environment(CACHE)
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +49,20 @@ def alike(one, other):
     return one.shape == other.shape and np.abs(one - other).max() <= 1 and np.mean(one != other) <= 1e-4
 
 
+def contents(folder):
+    """Content of all products in a folder by name."""
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+@pytest.mark.parametrize("workers", [1, 5])
+def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
+    words = ["run", "track_cfar", "--quick", "--workers", str(workers), "--out", str(tmp_path)]
+    subprocess.run([sys.executable, "-m", "tbdcore.cli", *words], check=True)
+    here, there = contents(paths.BUILD / "quick" / "track_cfar"), contents(tmp_path / "track_cfar")
+    assert here.keys() == there.keys()
+    assert [name for name in here if here[name] != there[name]] == []
+
+
 @pytest.mark.parametrize("paper", pages.papers())
 def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, scheduler, tmp_path):
     words = ["run", paper, "--quick", "--scheduler", scheduler, "--out", str(tmp_path)]
@@ -54,6 +70,6 @@ def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, sche
     here, there = ({file.name: file for file in folder.iterdir()} for folder in (paths.BUILD / "quick" / paper, tmp_path / paper))
     assert here.keys() == there.keys()
     assert len([name for name in here if name.endswith(".csv")]) > 5
-    assert list((paths.BUILD / "other_cpu").rglob("*.nbi")), "no kernel was compiled for the other CPU"
+    assert list(CACHE.rglob("*.nbi")), "no kernel was compiled for the other CPU"
     changed = [name for name in here if here[name].read_bytes() != there[name].read_bytes()]
     assert [name for name in changed if not (name.endswith(".png") and alike(here[name], there[name]))] == []

@@ -76,7 +76,7 @@ def test_resume_skips_what_is_done(tbdcore, folder):
     assert products(folder) == made
 
 
-@pytest.mark.parametrize("change", ["a product", "a source", "a version"])
+@pytest.mark.parametrize("change", ["a product", "trials", "figures", "pages", "__init__", "a version"])
 def test_resume_does_not_skip_what_is_not_done(folder, change):
     assert is_done(folder)
     assert is_done(folder, workers=7)
@@ -84,8 +84,8 @@ def test_resume_does_not_skip_what_is_not_done(folder, change):
     about = folder / "figures" / "tiny" / "table1.json"
     if change == "a product":
         about.with_suffix(".tex").unlink()
-    elif change == "a source":
-        module = folder / "tbdcore" / "trials.py"
+    elif change != "a version":
+        module = folder / "tbdcore" / f"{change}.py"
         module.write_text(module.read_text(encoding="utf-8") + "# changed\n", encoding="utf-8")
     else:
         about.write_text(about.read_text().replace('"numpy": "', '"numpy": "0'))
@@ -100,8 +100,14 @@ def test_a_failing_run_is_one_line_and_leaves_the_products(tbdcore, folder):
     assert failed.returncode == 1
     assert json.loads(failed.stdout)["status"] == 1
     assert "ZeroDivisionError" in json.loads(failed.stdout)["error"]
+    left = folder / "build" / "01_tiny.failed.ipynb"
+    assert json.loads(failed.stdout)["notebook"] == str(left)
+    assert left.is_file()
     assert [line.partition(":")[0] for line in failed.stderr.splitlines()] == ["tiny", "tbdcore"]
     assert products(folder) == made
+    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(tiny.CELLS), encoding="utf-8")
+    assert tbdcore("run", "tiny", "--quick", "--resume").returncode == tbdcore("run", "tiny").returncode == 0
+    assert not left.exists()
 
 
 def test_a_product_that_is_no_longer_made_is_removed(tbdcore, folder):
@@ -115,7 +121,7 @@ def test_a_product_that_is_no_longer_made_is_removed(tbdcore, folder):
     assert names == {"notes.txt", "verdicts.csv", *(f"fig1.{kind}" for kind in ("pdf", "svg", "png", "csv", "json"))}
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_run_leaves_no_process_and_no_half_written_file(tbdcore, folder, sent):
     made = products(folder)
     words = ["run", "tiny", "--workers", "2", "-p", "pause=2", "--out", "build/slow"]

@@ -96,6 +96,13 @@ def test_paths_are_those_of_the_folder_where_the_report_is(execute, capsys, monk
         assert "../figures/tiny/fig1.p" in tbdcore(capsys, "cite", "tiny/fig1", form)[1]
 
 
+def test_a_figure_without_its_pdf_is_not_cited(execute, capsys):
+    (paths.figures() / "tiny" / "fig1.pdf").unlink()
+    code, out, err = tbdcore(capsys, "cite", "tiny/fig1", "--latex")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "tiny/fig1: its files are incomplete" in err
+
+
 def test_caption_and_markdown(execute, capsys):
     assert tbdcore(capsys, "cite", "tiny/fig1", "--caption") == (0, "Nine draws, 100 % of them.\n", "")
     assert tbdcore(capsys, "cite", "tiny/table1", "--markdown")[1].startswith("| draw |")

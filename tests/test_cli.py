@@ -48,6 +48,7 @@ USAGE = {
     "negative workers": (["run", "tiny", "--workers", "-1"], "workers"),
     "workers no number": (["run", "tiny", "--workers", "two"], "invalid int value: 'two'"),
     "in place, not the default": (["run", "tiny", "--in-place", "-p", "shift=2"], "drop -p"),
+    "two forms of a citation": (["cite", "tiny/fig1", "--latex", "--bibtex"], "not allowed with argument"),
 }
 
 
@@ -89,6 +90,29 @@ def test_a_missing_claims_file_is_named_before_anything_starts(repository, capsy
 def test_an_empty_table_of_verdicts_is_named(repository, capsys):
     enter(repository, "")
     assert "verdicts.csv: no table of verdicts" in said(capsys, 1, "score")
+
+
+@pytest.mark.parametrize("words", [["--quick"], ["-p", "shift=2"]])
+def test_the_figures_are_for_default_parameters_by_any_name(repository, capsys, words):
+    out = f"{repository}/data/../figures"
+    assert "figures are for default parameters" in said(capsys, 2, "run", "tiny", *words, "--out", out)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "code", "words", "message"),
+    [
+        ("figures/tiny/verdicts.csv", VERDICTS.replace(",", ";"), 1, ["score"], "verdicts.csv: its columns are"),
+        ("figures/scorecard.csv", "<<<<<<< HEAD\n", 2, ["score"], "scorecard.csv: no scorecard"),
+        ("CITATION.cff", "authors: [", 2, ["score"], "CITATION.cff: no authors"),
+        ("notebooks/01_tiny.ipynb", "<<<<<<< HEAD\n", 2, ["run", "tiny"], "01_tiny.ipynb: no notebook"),
+        ("figures/tiny/fig1.json", "{}", 2, ["cite", "tiny/fig1"], "fig1.json: damaged"),
+    ],
+    ids=["verdicts", "scorecard", "citation", "notebook", "record"],
+)
+def test_a_damaged_file_is_named(repository, capsys, file, text, code, words, message):
+    enter(repository, VERDICTS)
+    (repository / file).write_text(text)
+    assert message in said(capsys, code, *words)
 
 
 def test_the_default_folder_is_tried_before_anything_starts(repository, capsys, monkeypatch):

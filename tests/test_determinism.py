@@ -1,21 +1,13 @@
 """The same digits from one worker and from five, from a dask cluster, and from a second run.
 
-Trials of all five papers by the algorithm cells of their notebooks, to the last bit, and all products of one whole notebook.
-Whole notebooks of all five, by a cluster and on another kind of CPU, are compared in ``again.py``.
+Trials of all five papers by the algorithm cells of their notebooks, to the last bit.  Whole notebooks are compared in ``again.py``.
 """
 
-import notebook_cells
 import numpy as np
 import page_trials
 import pytest
 
 from tbdcore import trials
-
-PAPER = "track_cfar"
-FEW = {"n_trials": 60}
-
-
-# Trials of every paper -------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -47,22 +39,6 @@ def test_a_dask_cluster_changes_no_bit_of_any_paper(few):
     with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
         for paper, alone in few.items():
             assert unequal(alone, page_trials.results(paper, 5, scheduler=cluster.scheduler_address)) == [], paper
-
-
-# A whole notebook ------------------------------------------------------------------------------------------------------
-
-
-def products(folder, workers):
-    """Content of all products of the notebook by name."""
-    notebook_cells.run(PAPER, out=str(folder), workers=workers, **FEW)
-    return {file.name: file.read_bytes() for file in (folder / PAPER).iterdir()}
-
-
-def test_one_worker_and_five_make_the_same_products_byte_by_byte(tmp_path):
-    one, five = products(tmp_path / "one", 1), products(tmp_path / "five", 5)
-    assert one.keys() == five.keys()
-    assert [name for name in one if one[name] != five[name]] == []
-    assert len([name for name in one if name.endswith(".csv")]) > 10
 
 
 def test_a_stream_is_the_same_on_every_machine():

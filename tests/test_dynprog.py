@@ -248,6 +248,12 @@ def test_bad_windows_are_one_line(slack):
     assert "\n" not in str(error.value)
 
 
+def test_slacks_that_are_no_neighbours_are_refused():
+    z = dynprog.margin(np.zeros((2, 12, 12)), 4)
+    with pytest.raises(ValueError, match="must be neighbours"):
+        dynprog.box_forward(z, np.array([1.0, 0.0, 1.0, 1.0, 1.0]), -1, 4, np.empty((2, 3, 3, *z.shape[1:])))
+
+
 def test_a_margin_that_a_step_could_leave_is_refused():
     z = dynprog.margin(np.zeros((2, 6, 6)), 2)
     I = np.empty((2, 1, 1, 10, 10))

@@ -198,7 +198,7 @@ def test_prior_of_an_empty_gate_is_zero():
 
 @pytest.mark.parametrize("snr_db", [-20.0, -11.0, 0.0, 25.0, 40.0])
 def test_ratio_has_the_mean_one_over_false_plots_at_any_level(snr_db):
-    names = {"d": 10 ** (snr_db / 10), "integrate": page.integrate, "math": math, "np": np, "pd": page.pd}
+    names = {"d": 10 ** (snr_db / 10), "p": CALM, "integrate": page.integrate, "math": math, "np": np, "pd": page.pd}
     (source,) = [cell for cell in pages.cells("ljipda_ai") if cell.startswith("mean = integrate.quad")]
     exec(source, names)
     assert names["mean"] == pytest.approx(1.0, abs=1e-8)

@@ -226,6 +226,14 @@ def test_a_page_follows_its_notebook(repository):
     assert pages.page("tiny").answer == 2
 
 
+def test_a_page_with_a_kernel_works_where_nothing_can_be_written(repository, monkeypatch):
+    (repository / "file").write_text("in the way of a folder")
+    monkeypatch.setattr(paths, "BUILD", repository / "file" / "build")
+    cells = {"algorithm": "from tbdcore import kernel\n\n\n@kernel\ndef twice(x):\n    return 2 * x", "parameters": "seed: int = 1"}
+    (repository / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
+    assert pages.page("tiny").twice(3) == 6
+
+
 def test_a_broken_page_is_not_kept(repository):
     rewrite(repository, algorithm="answer = 1 / 0")
     for _ in range(2):

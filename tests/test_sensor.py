@@ -20,6 +20,12 @@ def blob_ratio(z, *positions, peak=PEAK, noise=NOISE):
     return sensor.blob_log_ratio(z, blob_states(*positions), np.ones(len(positions), np.int64), peak, BLUR, noise)
 
 
+def test_an_intensity_that_is_no_number_ends_and_is_seen():
+    z, place = np.ones((20, 20)), np.array([10.0])
+    out = sensor.coherent_log_ratio(z, place, place, np.array([np.nan]), sensor.Spread(1.44, 0.11, 2, 6))
+    assert np.isnan(out).all()
+
+
 @pytest.mark.parametrize(("position", "d2"), [((15, 10), 15.13), ((15.5, 10), 13.49), ((15.5, 10.5), 12.03)])
 def test_blob_energy_depends_on_where_in_the_cell_it_falls(position, d2):
     """Sum of h**2 / sigma**2, by hand on 5 x 5 cells; the integral I**2 / (4 pi b**2 sigma**2) = 13.54 lies between."""

@@ -122,6 +122,16 @@ def test_an_unreachable_scheduler_is_one_line(address):
     assert "empty for this machine" in str(caught.value)
 
 
+def test_a_scheduler_without_a_worker_is_one_line(monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(trials, "PATIENCE", 0.5)
+    where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
+    refused = pytest.raises(ConnectionError, match="it has no worker; start one")
+    with distributed.LocalCluster(n_workers=0, processes=False, **where) as cluster, refused as caught:
+        trials.run(walk, 1, seed=0, scheduler=cluster.scheduler_address)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_failing_trial_is_named(workers):
     with pytest.raises(RuntimeError, match=r"^trial 13 of seed 4: ZeroDivisionError: no luck$"):
