@@ -53,14 +53,17 @@ def margin(frames, width):
 @kernel
 def _surround(frames, width, framed):
     """Copy frames into ``framed`` and return how many of their cells are not finite: what is not, less itself, is not 0."""
-    lost, Ny = 0, frames.shape[2]
-    _fill(framed.reshape(framed.size), -np.inf)
-    for k in range(frames.shape[0]):
-        for i in range(frames.shape[1]):
-            cells, row = frames[k, i], framed[k, i + width, width:][:Ny]
+    (K, Nx, Ny), (_, X, Y), flat = frames.shape, framed.shape, framed.reshape(framed.size)
+    lost = end = 0
+    for k in range(K):
+        for i in range(Nx):
+            start = (k * X + width + i) * Y + width
+            _fill(flat[end:start], -np.inf)  # the margin between one row of cells and the next
+            cells, row, end = frames[k, i], flat[start:], start + Ny
             for j in range(Ny):
                 row[j] = cells[j]
                 lost += cells[j] - cells[j] != 0
+    _fill(flat[end:], -np.inf)
     return lost
 
 

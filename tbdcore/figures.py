@@ -23,12 +23,11 @@ import io
 import json
 import os
 import pickle
-import queue
 import re
 import signal
 import subprocess
 import sys
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 
 import cloudpickle
@@ -94,6 +93,7 @@ EMBEDDED = {  # where each format keeps the id, the hash of the sources and the 
     "svg": ("Title", "Source", "Description"),
     "png": ("Title", "Source", "Comment"),
 }
+SHOWN, APART = ("png",), ("pdf", "svg")  # what a page shows, and what an artist draws
 CANVASES = {"pdf": FigureCanvasPdf, "svg": FigureCanvasSVG, "png": FigureCanvasAgg}
 ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))  # what asks a run to end
 DONE = "done"  # what an artist is told when there is nothing more to draw
@@ -133,7 +133,7 @@ class Portfolio:
 
     def __init__(self, paper, folder, provenance, studio=None):
         self.paper, self.folder, self.provenance, self.studio, self.artist = paper, folder, provenance, studio, None
-        self.files, self.drawn = {}, {}
+        self.files, self.drawn, self.post = {}, {}, ThreadPoolExecutor(1)
         matplotlib.rcParams.update(STYLE)
 
     def new(self, rows=1, cols=1, width=6.4, height=3.6, **subplots):
@@ -184,30 +184,32 @@ class Portfolio:
         """
         id = self._id(name, caption)
         with matplotlib.rc_context(STYLE):
-            fig.draw_without_rendering()  # the layout is worked out once, not once for each format
+            fig.get_layout_engine().execute(fig)  # the layout is worked out once, not once for each format
             fig.set_layout_engine("none")
-            for extension in EMBEDDED:
-                self.files[f"{name}.{extension}"] = self._draw(fig, name, id, extension)
+            self._draw(fig, name, id)
         data = self._data(fig) if data is None else data
         if data is not None:
             self.files[f"{name}.csv"] = _csv(data)
         self.files[f"{name}.json"] = self._json(id, caption, claims)
         return Product(id, caption, self.files[f"{name}.png"])
 
-    def _draw(self, fig, name, id, extension):
-        """A picture as bytes; None if the artist has been asked for it, who is not for what the page shows."""
+    def _draw(self, fig, name, id):
+        """The pictures of a figure as bytes; what the page does not show is left to the artist, and to be filled in."""
         if self.artist is None and self.studio is not None:
             self.artist = self.studio()
-        if self.artist is None or extension == "png":
-            return _render(fig, id, self.provenance, extension)
-        cloudpickle.dump((f"{name}.{extension}", fig, id, self.provenance, extension), self.artist.stdin)
-        self.artist.stdin.flush()
-        return None
+        job = name, fig, id, self.provenance
+        if self.artist is None:
+            self.files |= _pictures(*job, EMBEDDED)
+            return
+        self.files |= {f"{name}.{extension}": b"" for extension in EMBEDDED}  # their place in the list of files
+        self.post.submit(_send, self.artist.stdin, cloudpickle.dumps((*job, APART)))
+        self.files |= _pictures(*job, SHOWN)
 
     def _collect(self):
         """Put what the artist has drawn into its place; the artist is dismissed."""
         if self.artist is None:
             return
+        self.post.shutdown()
         pickled, _ = self.artist.communicate(pickle.dumps(DONE))
         drawn = pickle.loads(pickled) if pickled else ChildProcessError("the process that draws PDF and SVG has died; run it again")
         self.artist = None
@@ -272,26 +274,23 @@ def artist():
 
 def _studio():
     """What the artist does: draw until there is nothing more, then write everything, or what went wrong, to standard output."""
-    jobs, drawn = queue.SimpleQueue(), {}
-    threading.Thread(target=_receive, args=(jobs,), daemon=True).start()
+    drawn = {}
     try:
-        while (job := jobs.get()) != DONE:
+        while (job := pickle.load(sys.stdin.buffer)) != DONE:
             with matplotlib.rc_context(STYLE):
-                drawn[job[0]] = _render(*job[1:])
+                drawn |= _pictures(*job)
+    except (EOFError, pickle.UnpicklingError):  # nobody is there any more
+        return
     except Exception as error:
         drawn = error
     pickle.dump(drawn, sys.stdout.buffer)
 
 
-def _receive(jobs):
-    """Queue what comes in, so that whoever sends never waits; when nobody is there any more, end at once."""
-    job = None
-    while job != DONE:
-        try:
-            job = pickle.load(sys.stdin.buffer)
-        except EOFError:
-            os._exit(0)
-        jobs.put(job)
+def _send(place, content):
+    """Hand a job to the artist, who may be busy, so that this waits; one who has died is noticed when all is collected."""
+    with contextlib.suppress(BrokenPipeError):
+        place.write(content)
+        place.flush()
 
 
 def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
@@ -369,6 +368,11 @@ def digest(contents):
     for content in contents:
         total.update(hashlib.sha256(content).digest())
     return total.hexdigest()[:16]
+
+
+def _pictures(name, fig, id, provenance, extensions):
+    """A figure in some formats, file name -> bytes."""
+    return {f"{name}.{extension}": _render(fig, id, provenance, extension) for extension in extensions}
 
 
 def _render(fig, id, provenance, extension):

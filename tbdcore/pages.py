@@ -27,6 +27,7 @@ import dataclasses
 import io
 import json
 import keyword
+import logging
 import math
 import os
 import re
@@ -322,45 +323,56 @@ def execute(paper, given, output, progress=False):
     ValueError
         Bad parameters; nothing has started.
     RuntimeError
-        A cell failed; one line that says which and why.
+        A cell failed, or the kernel died; one line that says which and why.
     OSError
         There is no kernel to run in.
     """
     sys.modules.setdefault("rfc3987_syntax", None)  # jsonschema would build a grammar of web addresses, for more than a second
     from jupyter_client.kernelspec import NoSuchKernel
+    from nbclient.exceptions import DeadKernelError
     from papermill import PapermillExecutionError, execute_notebook
 
     values = validate(paper, given)
     output.parent.mkdir(parents=True, exist_ok=True)
     part = output.with_suffix(f".{os.getpid()}.part.ipynb")
-    try:
-        execute_notebook(
-            path(paper),
-            part,
-            values,
-            kernel_name="python3",
-            engine_name=_engine(),
-            progress_bar=progress,
-            cwd=str(Path.cwd()),
-            extra_arguments=["--IPKernelApp.log_level=50"],  # what a kernel says of its start and its end is not the run's
-        )
-        os.replace(part, output)
-        failed_at(output).unlink(missing_ok=True)
-    except PapermillExecutionError as error:
-        failed = failed_at(output)
-        os.replace(part, failed)
-        message = re.sub(r"\s+", " ", f"{error.ename}: {error.evalue}")
-        raise RuntimeError(f"{paper}, cell {error.exec_count}: {message}; the run is in {failed}") from None
-    except NoSuchKernel:
-        raise OSError("the Jupyter kernel python3 is not registered; make it: python -m ipykernel install --sys-prefix") from None
-    finally:
-        part.unlink(missing_ok=True)
+    options = {"kernel_name": "python3", "engine_name": _engine(), "progress_bar": progress, "cwd": str(Path.cwd())}
+    with tempfile.TemporaryFile() as aside:
+        try:
+            execute_notebook(path(paper), part, values, kernel_manager_class=_whispering(aside), **options)
+            os.replace(part, output)
+            failed_at(output).unlink(missing_ok=True)
+        except PapermillExecutionError as error:
+            failed = failed_at(output)
+            os.replace(part, failed)
+            message = re.sub(r"\s+", " ", f"{error.ename}: {error.evalue}")
+            raise RuntimeError(f"{paper}, cell {error.exec_count}: {message}; the run is in {failed}") from None
+        except DeadKernelError:
+            aside.seek(0)
+            last = aside.read().decode(errors="replace").rstrip().rpartition("\n")[2]
+            raise RuntimeError(f"{paper}: the kernel died{last and f': {last}'}; run it again") from None
+        except NoSuchKernel:
+            raise OSError(
+                "the Jupyter kernel python3 is not registered; make it: python -m ipykernel install --sys-prefix"
+            ) from None
+        finally:
+            part.unlink(missing_ok=True)
     return output
 
 
 def failed_at(output):
     """Where an executed notebook is left when a cell has failed."""
     return output.with_suffix(".failed.ipynb")
+
+
+def _whispering(aside):
+    """A manager of kernels that write into a file what they say outside the cells, of their start and their end."""
+    from jupyter_client import AsyncKernelManager
+
+    class Whispering(AsyncKernelManager):
+        async def start_kernel(self, **options):
+            await super().start_kernel(**options, stderr=aside)
+
+    return Whispering
 
 
 def _engine():
@@ -373,6 +385,7 @@ def _engine():
             nb_man.output_path = None  # papermill writes it when the run has ended, and when a cell has failed
             return super().execute_managed_notebook(nb_man, kernel_name, **options)
 
+    logging.getLogger("papermill").addHandler(logging.NullHandler())  # what it logs of a failure is also raised
     papermill_engines.register("written-once", Engine)
     return "written-once"
 

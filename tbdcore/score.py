@@ -24,7 +24,6 @@ is, with the influence of each trial on it, from which paired differences get th
 import math
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 Z99 = 2.5758293035489004  # half width of a 99 % normal interval
 
@@ -92,6 +91,8 @@ def ospa(X, Y, c, p):
 
     The power stands before the assignment: the cheapest pairing of distances is in general not that of their p-th powers.
     """
+    from scipy.optimize import linear_sum_assignment  # half a second, which only this distance is worth
+
     X, Y = np.atleast_2d(X), np.atleast_2d(Y)
     m, n = (0 if A.size == 0 else len(A) for A in (X, Y))
     if not c > 0 or not p >= 1:

@@ -31,8 +31,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import quad
-from scipy.optimize import minimize_scalar
 from scipy.special import i0e, i1e
 
 from tbdcore import kernel
@@ -438,6 +436,9 @@ def _log_bessel(x, table):
 
 def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
     """Specification of :func:`coherent_log_ratio`: adaptive quadrature over the power of the common amplitude."""
+    from scipy.integrate import quad  # half a second, for which no filter has to wait
+    from scipy.optimize import minimize_scalar
+
     out = np.full(len(rho), -np.inf)
     for n, h2, cells in _patches(z, rho, alpha, spread):
 

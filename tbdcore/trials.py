@@ -31,7 +31,7 @@ import numpy as np
 from tqdm import tqdm
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
-CHUNKS_PER_WORKER = 8  # small enough to balance the load, large enough to hide the cost of sending
+SHARES = 3  # of what is left, each worker's part is handed out in so many: few enough to hide the cost of sending
 PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
 DAY = 86400  # seconds an idle process waits; loky warns, on standard error, of one that leaves as work arrives
 
@@ -161,6 +161,16 @@ def _chunks(n, count):
     return [(i, min(i + size, n)) for i in range(0, n, size)]
 
 
+def _shares(n, workers):
+    """Half-open ranges that cover 0..n: long ones first, single trials last, so that all workers end together."""
+    ranges, first = [], 0
+    while first < n:
+        last = first + max(1, (n - first) // (SHARES * workers))
+        ranges.append((first, last))
+        first = last
+    return ranges
+
+
 def _here(trial, n, seed, label):
     """The loop itself, in this process."""
     return [_chunk(trial, seed, *ends) for ends in tqdm(_chunks(n, 100), desc=label, disable=None, leave=False)]
@@ -168,7 +178,7 @@ def _here(trial, n, seed, label):
 
 def _spread(pool: Executor, trial, n, seed, label):
     """Chunks of the loop on an executor, gathered in trial order whatever the order in which they end."""
-    ranges = _chunks(n, CHUNKS_PER_WORKER * (getattr(pool, "_max_workers", None) or cores()))
+    ranges = _shares(n, getattr(pool, "_max_workers", None) or cores())
     jobs = [pool.submit(_chunk, trial, seed, *ends) for ends in ranges]
     try:
         return [job.result() for job in tqdm(jobs, desc=label, disable=None, leave=False)]

@@ -14,10 +14,20 @@ from tbdcore import cite, cli, figures, paths
 ALL = tomllib.loads((tiny.ROOT / "data" / "papers.toml").read_text(encoding="utf-8"))
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Products of one run."""
+    folder = tmp_path_factory.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        tiny.here(folder, patch)()
+    return folder / "figures"
+
+
 @pytest.fixture
-def execute(tmp_path, monkeypatch):
+def execute(made, tmp_path, monkeypatch):
+    """The small repository with a copy of them; runs its notebook."""
     execute = tiny.here(tmp_path, monkeypatch)
-    execute()
+    shutil.copytree(made, tmp_path / "figures")
     return execute
 
 

@@ -262,6 +262,18 @@ def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
     assert (folder / "build" / "01_tiny.failed.ipynb").is_file()
 
 
+def test_a_kernel_that_dies_is_one_line_with_its_last_words(folder):
+    made = products(folder)
+    cells = tiny.CELLS | {"trials": "import os\nos.write(2, b'out of paper\\n')\nos.kill(os.getpid(), 9)"}
+    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
+    failed = tbdcore(folder, "run")
+    assert failed.returncode == 1
+    assert failed.stderr.count("\n") == 1
+    assert "tiny: the kernel died: out of paper; run it again" in failed.stderr
+    assert products(folder) == made
+    assert not [file for file in folder.rglob("*.part*") if file.is_file()]
+
+
 def test_plain_papermill_refuses_a_misspelt_parameter(folder):
     """Papermill itself would run it with the default and report success; the notebook's own first call does not."""
     words = [

@@ -213,7 +213,7 @@ FAULTS = [
         "tbdcore/batch.py",
         '"parameters": _settings(paper, values), ',
         "",
-        "test_batch.py::test_resume_does_not_skip_what_is_not_done[a version]",
+        "test_batch.py::test_resume_goes_by_the_parameters_that_can_change_a_result",
     ),
 ]
 NAMES = [fault.what for fault in FAULTS]

@@ -1,6 +1,7 @@
 """Products: the same bytes twice, traceable, and nothing written unless all of it is."""
 
 import json
+import pickle
 import re
 import zlib
 
@@ -78,7 +79,8 @@ def test_a_table_keeps_the_names_of_its_rows(portfolio, name):
 def test_an_artist_who_fails_says_what_failed(portfolio, ledger):
     portfolio.studio = figures.artist
     draw(portfolio)
-    portfolio._draw(None, "fig02", "toy/fig02", "pdf")
+    job = "fig02", None, "toy/fig02", PROVENANCE, ("pdf",)
+    portfolio.post.submit(figures._send, portfolio.artist.stdin, pickle.dumps(job))
     with pytest.raises(AttributeError, match="NoneType"):
         portfolio.publish(ledger)
     assert not published(portfolio.folder)

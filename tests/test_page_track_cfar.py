@@ -118,17 +118,6 @@ def test_without_a_target_the_chain_keeps_its_promise_and_the_cap_makes_it_small
     assert math.isclose(page.chain(replace(strong, snr0_db=0.0), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12)
 
 
-def test_same_bits_for_any_number_of_workers_and_for_one_trial_alone(page, p):
-    z, d = page.truth(p), page.design(p)
-    trial = partial(_trial, page_name="track_cfar", p=p, z=z, d=d)
-    results = [trials.run(trial, 40, seed=3, workers=workers) for workers in (1, 2, 5)]
-    for other in results[1:]:
-        for ours, theirs in zip(results[0], other, strict=True):
-            np.testing.assert_array_equal(ours, theirs)
-    for ours, theirs in zip((field[17] for field in results[0]), trial(3, 17), strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-
-
 def test_filter_is_consistent_in_the_nominal_scene(page, p):
     """NEES of a filter matched to the straight target (no process noise) has mean 4 and variance 8."""
     p, z, k, n = replace(p, sigma_p=0.0, frames=20), None, 15, 150

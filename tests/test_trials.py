@@ -154,3 +154,14 @@ def test_results_of_other_shapes():
     pair = trials.run(lambda seed, i: (i, np.full(2, i)), 4, seed=0, workers=1)
     assert type(pair) is tuple
     np.testing.assert_array_equal(pair[1], [[0, 0], [1, 1], [2, 2], [3, 3]])
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5, 64])
+@pytest.mark.parametrize("n", [1, 2, 7, 100, 2401])
+def test_shares_cover_all_trials_once_and_become_shorter(n, workers):
+    ranges = trials._shares(n, workers)
+    assert [i for first, last in ranges for i in range(first, last)] == list(range(n))
+    lengths = [last - first for first, last in ranges]
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths[0] <= max(1, n / (2 * workers))
+    assert lengths[-min(n, workers) :] == [1] * min(n, workers)
