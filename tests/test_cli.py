@@ -249,29 +249,27 @@ def test_other_parameters_never_touch_the_figures(folder):
     assert json.loads((folder / "build" / "run" / "tiny" / "fig1.json").read_text())["trials"] == 100
 
 
-def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
+def failing(folder, **cells):
+    """What a run with some other cells says when it fails: one line, and the products are untouched."""
     made = products(folder)
-    cells = tiny.CELLS | {"publish": "claims.verdicts.popitem()\nfigures.publish(claims)"}
-    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
+    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(tiny.CELLS | cells), encoding="utf-8")
     failed = tbdcore(folder, "run")
     assert failed.returncode == 1
     assert failed.stderr.count("\n") == 1
-    assert "tiny, cell 8: ValueError: tiny: no verdict on 1 of 3 claims: price" in failed.stderr
     assert products(folder) == made
     assert not [file for file in folder.rglob("*.part*") if file.is_file()]
+    return failed.stderr
+
+
+def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
+    said = failing(folder, publish="claims.verdicts.popitem()\nfigures.publish(claims)")
+    assert "tiny, cell 8: ValueError: tiny: no verdict on 1 of 3 claims: price" in said
     assert (folder / "build" / "01_tiny.failed.ipynb").is_file()
 
 
 def test_a_kernel_that_dies_is_one_line_with_its_last_words(folder):
-    made = products(folder)
-    cells = tiny.CELLS | {"trials": "import os\nos.write(2, b'out of paper\\n')\nos.kill(os.getpid(), 9)"}
-    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
-    failed = tbdcore(folder, "run")
-    assert failed.returncode == 1
-    assert failed.stderr.count("\n") == 1
-    assert "tiny: the kernel died: out of paper; run it again" in failed.stderr
-    assert products(folder) == made
-    assert not [file for file in folder.rglob("*.part*") if file.is_file()]
+    said = failing(folder, trials="import os\nos.write(2, b'out of paper\\n')\nos.kill(os.getpid(), 9)")
+    assert "tiny: the kernel died: out of paper; run it again" in said
 
 
 def test_plain_papermill_refuses_a_misspelt_parameter(folder):
