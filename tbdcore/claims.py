@@ -22,7 +22,8 @@ chance is involved, by a plain truth value and the evidence in words.
 Bands follow from the printed text and from ``paper_n`` alone, and so are fixed before anything is measured.  The
 ledger is complete or it fails: ``Ledger.table`` raises when a row has no verdict or two, when something differs
 without a cause, and when a cause is given for something that does not differ.  ``scorecard`` counts the verdicts of
-all papers.
+all papers.  A ledger may ``settle``: take over the verdicts of one longer run, kept in ``data/longer``, with which its own trials
+must agree.
 
 This module judges numbers and knows nothing of how they came about: it imports none of the numerical ones.
 """
@@ -302,7 +303,8 @@ class Ledger:
         else:
             shown = evidence or f"margin {digits(measured, se)}"
             verdict, needed = judge_margin(measured, se, n)
-        settled = f"{needed} trials would settle it" if needed else ""
+        settled = "no number of trials can be told" if verdict == "inconclusive" else ""  # at a margin of 0, or without an error
+        settled = f"{needed} trials would settle it" if needed else settled
         cause = claim.cause if verdict == "differs" else settled
         return self._enter(claim, shown, _se(se), n, verdict, cause, f"; {settled}" if settled else "")
 
@@ -348,6 +350,32 @@ class Ledger:
         if not reason:
             raise ValueError(f"{self.paper}: {id}: untestable needs its reason")
         return self._enter(self._open(id), "", "", None, "untestable", reason)
+
+    def settle(self):
+        """Take over the verdicts of a longer run where they rest on more trials; returns those that change, here and there.
+
+        ``data/longer/<paper>/verdicts.csv`` is of a run that went on where this one stops, for longer than a notebook has time;
+        data/README.md says which.  This run's trials are the beginning of the longer one's, so the difference of two numbers has
+        the variance se**2 - se'**2.  Only a default run takes anything over.
+
+        Raises ValueError when a number is more than 4 such errors from the longer run's: the two do not belong together.
+        """
+        changed = []
+        for row in verdicts(self.paper, paths.LONGER).itertuples(index=False) if self.strict else ():
+            here = self.verdicts[row.id]
+            if not row.n or int(row.n) <= int(here.n):
+                continue
+            if self.claims[row.id].kind == "number" and _errors_apart(here, row) > 4:
+                raise ValueError(
+                    f"{self.paper}: {row.id} is {here.measured} here and {row.measured} in data/longer; "
+                    "make the longer run again, as data/README.md says"
+                )
+            cause = self.claims[row.id].cause if row.verdict == "differs" else row.cause
+            note = f"; {cause}" if row.verdict == "inconclusive" else ""
+            self.verdicts[row.id] = Verdict(*row)._replace(cause=cause, note=note)
+            if here.verdict != row.verdict:
+                changed.append((row.id, *(f"{v.measured} ± {v.se}" for v in (here, row)), here.verdict, row.verdict))
+        return pd.DataFrame(changed, columns=["claim", "here", "longer run", "verdict here", "verdict"])
 
     def table(self):
         """All verdicts in the order of the claims file.
@@ -397,6 +425,12 @@ class Ledger:
             claim.id, claim.item, claim.quantity, published, measured, se, count, verdict, cause, note
         )
         return self.verdicts[claim.id]
+
+
+def _errors_apart(here, longer):
+    """Difference of two numbers, the second one over more of the same trials, in its own standard errors."""
+    room = float(here.se or 0) ** 2 - float(longer.se or 0) ** 2
+    return abs(float(here.measured) - float(longer.measured)) / math.sqrt(room) if room > 0 else 0.0
 
 
 def _se(se):

@@ -274,13 +274,14 @@ def usable(out):
 def sources(paper):
     """Hash of everything that decides a paper's products.
 
-    The notebook's code, its claims, every module of the package that it imports, directly or through another, and those that
-    all products pass through; for the index, which computes nothing, the verdicts and the data of the papers that it shows.
+    The notebook's code, its claims, the verdicts of a longer run if there is one, every module of the package that it imports,
+    directly or through another, and those that all products pass through; for the index, which computes nothing, the verdicts and
+    the data of the papers that it shows.
     """
     code = cells(paper)
     modules = reached("\n".join(line for cell in code for line in cell.splitlines() if not line.startswith(("%", "!"))))
     package = [paths.PACKAGE / f"{name}.py" for name in sorted(modules | EVERYWHERE)]
-    files = [paths.CLAIMS / f"{paper}.csv", *package, *_shown(paper, code)]
+    files = [paths.CLAIMS / f"{paper}.csv", paths.LONGER / paper / "verdicts.csv", *package, *_shown(paper, code)]
     return digest([cell.encode() for cell in code] + [file.read_bytes() for file in files if file.is_file()])
 
 

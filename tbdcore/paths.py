@@ -11,6 +11,7 @@ ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = ROOT / "notebooks"  # NN_<paper>.ipynb, committed executed
 DATA = ROOT / "data"  # papers.toml: bibliography
 CLAIMS = DATA / "claims"  # <paper>.csv: what the papers publish
+LONGER = DATA / "longer"  # <paper>/verdicts.csv: of a run that a notebook has no time for
 PACKAGE = ROOT / "tbdcore"
 PRODUCTS = ROOT / "figures"  # <paper>/fig05.pdf and its kin: the committed products
 LOCK = ROOT / "environment.txt"

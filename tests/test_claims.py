@@ -2,11 +2,12 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
 
-from tbdcore import claims
+from tbdcore import claims, paths
 from tbdcore.claims import Ledger, given
 
 HEADER = ",".join(claims.COLUMNS)
@@ -381,3 +382,74 @@ def test_the_committed_claims_can_be_read(paper):
     rows = claims.read(paper)
     assert len(rows) > 0
     assert all(row.where for row in rows.values()), "every claim says where it stands in the paper"
+
+
+# A longer run ----------------------------------------------------------------------------------------------------------
+
+TOY = [HEADER, "t.num,Table 1,mean,,10.0,m,number,Sec. 3,", "t.more,Table 1,A exceeds B,,A > B,,ordering,Sec. 3,"]
+
+
+def settled(folder, monkeypatch, lines, strict=True):
+    """A ledger with 100 trials behind it, undecided twice, after it has met a longer run with these lines."""
+    monkeypatch.setattr(paths, "CLAIMS", written(folder, *TOY))
+    monkeypatch.setattr(paths, "LONGER", folder / "longer")
+    (folder / "longer" / "toy").mkdir(parents=True)
+    rows = [",".join(claims.Verdict._fields[:9]), *lines, ""]
+    (folder / "longer" / "toy" / "verdicts.csv").write_text("\n".join(rows), encoding="utf-8")
+    book = Ledger("toy", strict)
+    assert book.check("t.num", 10.9, se=0.4, n=100).verdict == book.check("t.more", 0.5, se=0.4, n=100).verdict == "inconclusive"
+    return book, book.settle()
+
+
+LONGER = ["t.num,Table 1,mean,10.0 m,10.01,0.011,1000,reproduced,", "t.more,Table 1,A exceeds B,A > B,margin 0.10,0.13,1000,{}"]
+OPEN, DECIDED = LONGER[1].format("inconclusive,1122 trials would settle it"), LONGER[1].format("differs,")
+
+
+def test_a_longer_run_decides_what_is_open_here(tmp_path, monkeypatch):
+    book, changed = settled(tmp_path, monkeypatch, [LONGER[0], OPEN])
+    assert changed.to_numpy().tolist() == [["t.num", "10.90 ± 0.4", "10.01 ± 0.011", "inconclusive", "reproduced"]]
+    assert [(v.verdict, v.n, v.measured) for v in book.verdicts.values()] == [
+        ("reproduced", "1000", "10.01"),
+        ("inconclusive", "1000", "margin 0.10"),
+    ]
+    assert book.verdicts["t.more"].note == "; 1122 trials would settle it"
+    assert book.table()["cause"].tolist() == ["", "1122 trials would settle it"]
+
+
+def test_what_differs_in_a_longer_run_needs_its_cause_too(tmp_path, monkeypatch):
+    book, _ = settled(tmp_path, monkeypatch, [LONGER[0], DECIDED])
+    with pytest.raises(ValueError, match="t.more differs and the file gives no cause"):
+        book.table()
+
+
+@pytest.mark.parametrize("strict", [True, False])
+def test_fewer_trials_or_other_parameters_take_nothing_over(tmp_path, monkeypatch, strict):
+    lines = [line.replace(",1000,", ",100,") if strict else line for line in (LONGER[0], DECIDED)]
+    book, changed = settled(tmp_path, monkeypatch, lines, strict)
+    assert changed.empty
+    assert {v.n for v in book.verdicts.values()} == {"100"}
+
+
+def test_a_longer_run_of_another_kind_is_refused(tmp_path, monkeypatch):
+    """10.9 with an error of 0.4 in the first tenth, and 12.6 with 0.05 in the whole: 4.3 errors apart."""
+    far = "t.num,Table 1,mean,10.0 m,12.60,0.05,1000,differs,"
+    with pytest.raises(ValueError, match=r"t.num is 10.90 here and 12.60 in data/longer; make the longer run again"):
+        settled(tmp_path, monkeypatch, [far, OPEN])
+
+
+@pytest.mark.parametrize("paper", sorted(path.parent.name for path in paths.LONGER.glob("*/verdicts.csv")))
+def test_verdicts_of_a_committed_longer_run_follow_from_its_numbers(paper):
+    """The file is read and not computed, so what it says is judged again from its own values, errors and counts."""
+    known, judged = claims.read(paper), 0
+    for row in claims.verdicts(paper, paths.LONGER).itertuples():
+        if not row.se or not re.fullmatch(r"(margin )?-?[\d.]+", row.measured):
+            continue
+        value, se, n = float(row.measured.removeprefix("margin ")), float(row.se), int(row.n)
+        if known[row.id].kind == "number":
+            verdict, needed = claims.judge(*claims.parse(known[row.id].value), value, se, n, 100)
+        else:
+            verdict, needed = claims.judge_margin(value, se, n)
+        assert verdict == row.verdict, row.id
+        assert verdict != "inconclusive" or needed is None or needed > n, row.id  # at a margin of 0 nobody can tell
+        judged += 1
+    assert judged > 50
