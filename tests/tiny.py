@@ -91,15 +91,8 @@ def write(folder):
 def here(folder, monkeypatch):
     """The small repository as that of this process; returns a function that runs its notebook's cells with given parameters."""
     write(folder)
-    places = {
-        "ROOT": "",
-        "NOTEBOOKS": "notebooks",
-        "DATA": "data",
-        "CLAIMS": "data/claims",
-        "LONGER": "data/longer",
-        "LOCK": "environment.txt",
-    }
-    places |= {"README": "README.md", "CITATION": "CITATION.cff", "BUILD": "build"}
+    places = {"ROOT": "", "NOTEBOOKS": "notebooks", "DATA": "data", "CLAIMS": "data/claims", "LONGER": "data/longer"}
+    places |= {"LOCK": "environment.txt", "README": "README.md", "CITATION": "CITATION.cff", "BUILD": "build"}
     for name, place in places.items():
         monkeypatch.setattr(paths, name, folder / place)
     monkeypatch.setenv("TBDCORE_FIGURES", str(folder / "figures"))
