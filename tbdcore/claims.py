@@ -303,10 +303,10 @@ class Ledger:
         else:
             shown = evidence or f"margin {digits(measured, se)}"
             verdict, needed = judge_margin(measured, se, n)
-        settled = "no number of trials can be told" if verdict == "inconclusive" else ""  # at a margin of 0, or without an error
-        settled = f"{needed} trials would settle it" if needed else settled
-        cause = claim.cause if verdict == "differs" else settled
-        return self._enter(claim, shown, _se(se), n, verdict, cause, f"; {settled}" if settled else "")
+        if verdict != "inconclusive":
+            return self._enter(claim, shown, _se(se), n, verdict, claim.cause if verdict == "differs" else "")
+        settled = f"{needed} trials would settle it" if needed else "no number of trials can be told"  # margin 0, or no error
+        return self._enter(claim, shown, _se(se), n, verdict, settled, f"; {settled}")
 
     def _check_truth(self, claim, holds, n, evidence):
         """A claim settled without chance."""
@@ -358,14 +358,15 @@ class Ledger:
         data/README.md says which.  This run's trials are the beginning of the longer one's, so the difference of two numbers has
         the variance se**2 - se'**2.  Only a default run takes anything over.
 
-        Raises ValueError when a number is more than 4 such errors from the longer run's: the two do not belong together.
+        Raises ValueError when a number or a margin is more than 4 such errors from the longer run's, or when it differs from it and
+        the longer run's error is not the smaller one: the two do not belong together.
         """
         changed = []
         for row in verdicts(self.paper, paths.LONGER).itertuples(index=False) if self.strict else ():
             here = self.verdicts[row.id]
             if not row.n or int(row.n) <= int(here.n):
                 continue
-            if self.claims[row.id].kind == "number" and _errors_apart(here, row) > 4:
+            if (self.claims[row.id].kind == "number" or here.measured.startswith("margin ")) and _errors_apart(here, row) > 4:
                 raise ValueError(
                     f"{self.paper}: {row.id} is {here.measured} here and {row.measured} in data/longer; "
                     "make the longer run again, as data/README.md says"
@@ -428,9 +429,17 @@ class Ledger:
 
 
 def _errors_apart(here, longer):
-    """Difference of two numbers, the second one over more of the same trials, in its own standard errors."""
-    room = float(here.se or 0) ** 2 - float(longer.se or 0) ** 2
-    return abs(float(here.measured) - float(longer.measured)) / math.sqrt(room) if room > 0 else 0.0
+    """Difference of two numbers or margins, the second over more of the same trials, in its own standard errors.
+
+    Without room for a difference, since the second error is not the smaller one: 0 or infinity.
+    """
+    try:
+        (a, da), (b, db) = ((float(v.measured.removeprefix("margin ")), float(v.se or 0)) for v in (here, longer))
+    except ValueError:  # words where a number belongs
+        return math.inf
+    if da > db:
+        return abs(a - b) / math.sqrt(da**2 - db**2)
+    return 0.0 if math.isclose(a, b, abs_tol=1e-12) else math.inf
 
 
 def _se(se):

@@ -184,8 +184,7 @@ class Portfolio:
         """
         id = self._id(name, caption)
         with matplotlib.rc_context(STYLE):
-            fig.get_layout_engine().execute(fig)  # the layout is worked out once, not once for each format
-            fig.set_layout_engine("none")
+            _lay_out(fig)
             self._draw(fig, name, id)
         data = self._data(fig) if data is None else data
         if data is not None:
@@ -298,6 +297,14 @@ def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
     matplotlib.rcParams.update(STYLE)  # from here on: titles and legends are made by the caller, after this returns
     fig = Figure(figsize=(width, height))
     return fig, fig.subplots(rows, cols, **subplots)
+
+
+def _lay_out(fig):
+    """Work the layout out once, not once for each format; places are rounded, as an SVG names its axes by every digit of them."""
+    fig.get_layout_engine().execute(fig)
+    fig.set_layout_engine("none")
+    for ax in fig.axes:
+        ax.set_position(np.round(ax.get_position(original=True).bounds, 6), which="original")
 
 
 def write(folder, files, old=()):

@@ -205,6 +205,23 @@ def straddle(spread):
     return math.prod(math.sqrt(math.pi / l) * math.erf(0.5 * math.sqrt(l)) for l in (spread.lr, spread.la))
 
 
+@kernel
+def _exponentials(cells, rng):
+    """Fill cells (n,) with draws."""
+    for n in range(cells.size):
+        cells[n] = rng.standard_exponential(dtype=np.float32)
+
+
+def noise_power(shape, rng):
+    """Frames of noise power in units of its mean: independent exponentials (float32), the draws of ``rng.standard_exponential``.
+
+    The compiled loop takes two thirds of NumPy's time for them, and they are a good part of a trial.
+    """
+    z = np.empty(shape, np.float32)  # large arrays of NumPy have large pages, those of a kernel have not
+    _exponentials(z.reshape(-1), rng)
+    return z
+
+
 def _lit(rho, alpha, spread, shape):
     """The cells around a point outside of which h**2 is below 1e-16, as slices, and h**2 in them; ValueError off the frame."""
     if not (0.5 <= rho < shape[0] + 0.5 and 0.5 <= alpha < shape[1] + 0.5):

@@ -437,6 +437,22 @@ def test_a_longer_run_of_another_kind_is_refused(tmp_path, monkeypatch):
         settled(tmp_path, monkeypatch, [far, OPEN])
 
 
+@pytest.mark.parametrize(
+    "line", ["t.num,Table 1,mean,10.0 m,10.8,0.5,1000,reproduced,", "t.num,Table 1,mean,10.0 m,near,,1000,reproduced,"]
+)
+def test_a_longer_run_that_cannot_be_one_is_refused(tmp_path, monkeypatch, line):
+    """More of the same trials and yet a larger error, or no number."""
+    with pytest.raises(ValueError, match=r"t.num is 10.90 here and .* in data/longer; make the longer run again"):
+        settled(tmp_path, monkeypatch, [line, OPEN])
+
+
+def test_margins_of_a_longer_run_are_compared_too(tmp_path, monkeypatch):
+    """0.5 with an error of 0.4 in the first tenth, and -1.2 with 0.13 in the whole: 4.5 errors apart."""
+    far = OPEN.replace("margin 0.10", "margin -1.20")
+    with pytest.raises(ValueError, match=r"t.more is margin 0.50 here and margin -1.20 in data/longer"):
+        settled(tmp_path, monkeypatch, [LONGER[0], far])
+
+
 @pytest.mark.parametrize("paper", sorted(path.parent.name for path in paths.LONGER.glob("*/verdicts.csv")))
 def test_verdicts_of_a_committed_longer_run_follow_from_its_numbers(paper):
     """The file is read and not computed, so what it says is judged again from its own values, errors and counts."""

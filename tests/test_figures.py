@@ -1,6 +1,7 @@
 """Products: the same bytes twice, traceable, and nothing written unless all of it is."""
 
 import json
+import math
 import pickle
 import re
 import zlib
@@ -52,6 +53,19 @@ def test_the_same_figure_has_the_same_bytes(tmp_path):
         f"table1.{end}" for end in ("csv", "md", "tex", "json")
     }
     assert runs[0].files == runs[1].files
+
+
+def test_a_last_bit_changes_no_picture(tmp_path):
+    """What moves a number of the layout by a rounding error, another CPU for one, moves nothing that is drawn."""
+    made = []
+    for x in (1.1, math.nextafter(1.1, 2)):
+        run = figures.Portfolio("toy", tmp_path, PROVENANCE)
+        fig, axes = figures.new(1, 2)
+        axes[1].plot([0, 1])
+        axes[1].text(x, 0.5, "outside", transform=axes[1].transAxes)
+        run.save(fig, "fig01", caption="A line, and a word that the layout has to find room for.")
+        made.append(run.files)
+    assert made[0] == made[1]
 
 
 def test_an_artist_draws_the_same_bytes(tmp_path, ledger):

@@ -35,6 +35,13 @@ def test_scale_invariance(source, reading):
     assert np.allclose(other.P, c * one.P, rtol=1e-12)
 
 
+def test_motion_is_the_matrix_of_equation_1():
+    """F and the acceleration's column of each axis, on the draws of NumPy: first all of x, then all of y."""
+    S, T, q = rng(6).normal(size=(4, 50)), 2.0, 0.3
+    F, G = np.kron(np.eye(2), [[1.0, T], [0.0, 1.0]]), np.kron(np.eye(2), [[0.5 * T * T], [T]])
+    assert np.allclose(page.propagate(S, q, T, rng(7)), F @ S + G @ (q * rng(7).standard_normal((2, 50))), rtol=1e-13, atol=1e-13)
+
+
 @pytest.mark.parametrize(("p0", "sign"), [(0.0, -1.0), (1.0, 1.0)])
 def test_without_intensity_existence_is_the_markov_chain(p0, sign):
     """p_k = (1 -+ 0.98**k) / 2 when p_s = 1 - p_b and no particle leaves: a threshold that nothing passes, particles that stand."""

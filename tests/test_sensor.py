@@ -161,6 +161,15 @@ def test_illuminated_cells_are_exponential_with_the_right_mean(common):
     assert shared == pytest.approx(expected, abs=6 / math.sqrt(n))
 
 
+@pytest.mark.parametrize("shape", [(3, 50, 40), (0, 5, 5)])
+def test_noise_power_is_the_generators_own_draw(shape):
+    ours, theirs = (np.random.default_rng(9) for _ in range(2))
+    z = sensor.noise_power(shape, ours)
+    assert z.dtype == np.float32
+    assert np.array_equal(z, theirs.standard_exponential(shape, dtype=np.float32))
+    assert ours.random() == theirs.random(), "the stream must go on where NumPy's does"
+
+
 def test_target_outside_the_area_is_refused():
     z = np.ones((3, 9, 15))
     with pytest.raises(ValueError, match=r"target at cell \(9.6, 8.0\) is outside the 9 x 15 cells"):
