@@ -3,7 +3,6 @@
 import itertools
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -22,10 +21,13 @@ def p(page):
     return page.Scenario()
 
 
-def _trial(seed, i, page_name, p, z, d):
-    """One flight of the page, for worker processes."""
-    page = tbdcore.page(page_name)
-    return page.fly(page.simulate(z, p, trials.generator(seed, page_name, "test", i, "noise")), z, d)
+def flights(page, p, z, d, n, seed):
+    """Flights of the page, one after the other: when they died, which frames hit, and the design's eta."""
+
+    def trial(seed, i):
+        return page.fly(page.simulate(z, p, trials.generator(seed, "track_cfar", "test", i, "noise")), z, d)
+
+    return trials.run(trial, n, seed=seed, workers=1)
 
 
 def test_frame_false_alarm_probability(page, p):
@@ -59,7 +61,7 @@ def test_chain_equals_the_tree_of_miss_histories(page, p):
 
 def test_flights_follow_the_chain(page, p):
     z, d = page.truth(p), page.design(p, p.cell_pfa)
-    died, hit, _ = trials.run(partial(_trial, page_name="track_cfar", p=p, z=z, d=d), 3000, seed=1, workers=1)
+    died, hit, _ = flights(page, p, z, d, 3000, seed=1)
     life = page.chain(p, p.cell_pfa)
     k = np.flatnonzero((life.entering > 0.02) & (life.entering < 0.98))
     q = life.entering[k]
@@ -72,7 +74,7 @@ def test_flights_follow_the_chain(page, p):
 def test_vanished_target_leaves_the_design_probability(page, p):
     short = replace(p, frames=13)
     z, d = page.truth(short), page.design(short, vanish=10)
-    died, _, _ = trials.run(partial(_trial, page_name="track_cfar", p=short, z=z, d=d), 4000, seed=2, workers=1)
+    died, _, _ = flights(page, short, z, d, 4000, seed=2)
     assert abs((died > 12).mean() - 0.1) < 4 * math.sqrt(0.1 * 0.9 / 4000)
 
 
