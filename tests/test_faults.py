@@ -233,9 +233,7 @@ def copy(tmp_path):
 
 def judge(copy, tests):
     """Exit code and report of some tests on a copy."""
-    without = [
-        word for plugin in ("cacheprovider", "xdist", "nbval", "anyio") for word in ("-p", f"no:{plugin}")
-    ]  # slow to load
+    without = [word for plugin in ("cacheprovider", "xdist", "nbval", "anyio") for word in ("-p", f"no:{plugin}")]  # slow to load
     words = [sys.executable, "-m", "pytest", "-x", "-q", *without, *(str(TESTS / test) for test in tests)]
     run = subprocess.run(words, cwd=copy, env=tiny.environment(copy), capture_output=True, text=True, timeout=600)
     return run.returncode, run.stdout + run.stderr
