@@ -10,11 +10,11 @@ import importlib.util
 import math
 
 import numpy as np
+from tests.peer_jpda import our_marginals, peer_marginals, scan
 
 import tbdcore
 from benchmarks.timing import Row, best
 from tbdcore import association, detection, kalman, motion
-from tests.peer_jpda import our_marginals, peer_marginals, scan
 
 PEER = "Stone Soup JPDA"
 

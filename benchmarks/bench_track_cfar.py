@@ -15,7 +15,8 @@ import numpy as np
 
 import tbdcore
 from benchmarks.timing import Row, best
-from tbdcore import detection, kalman, motion, trials
+from tbdcore import detection, kalman, motion
+from tbdcore.repro import trials
 
 FLIGHTS, SLOW = 1000, 10  # flights of a timing; of one by Python objects
 ASKED = {"proposed": 60e-6, "traditional": 30e-6}

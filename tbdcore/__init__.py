@@ -27,14 +27,14 @@ __version__ = "1.0.0"
 
 
 def begin(paper, namespace):
-    """Open the run of a notebook; see :func:`tbdcore.pages.begin`."""
-    from tbdcore import pages
+    """Open the run of a notebook; see :func:`tbdcore.repro.pages.begin`."""
+    from tbdcore.repro import pages
 
     return pages.begin(paper, namespace)
 
 
 def page(paper):
-    """The algorithm cells of a notebook as a module; see :func:`tbdcore.pages.page`."""
-    from tbdcore import pages
+    """The algorithm cells of a notebook as a module; see :func:`tbdcore.repro.pages.page`."""
+    from tbdcore.repro import pages
 
     return pages.page(paper)

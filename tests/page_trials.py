@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 import tbdcore
-from tbdcore import sensor, trials
+from tbdcore import sensor
+from tbdcore.repro import trials
 
 SEED = 7
 

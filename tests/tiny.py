@@ -10,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tbdcore import paths
+from tbdcore.repro import paths
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = paths.PACKAGE  # the one that is imported, which may be a copy itself
@@ -26,7 +26,7 @@ short = "the tiny paper"
 topic = "Means"
 """
 CELLS = {
-    "algorithm": "import time\nfrom functools import partial\n\nimport tbdcore\nfrom tbdcore import trials",
+    "algorithm": "import time\nfrom functools import partial\n\nimport tbdcore\nfrom tbdcore.repro import trials",
     "parameters": """seed: int = 20  # root of every random stream; in [0, inf)
 n_trials: int = 400  # draws; in [1, inf); quick 40
 workers: int = 1  # processes; in [0, inf)
@@ -108,7 +108,7 @@ def here(folder, monkeypatch):
 
 
 def command(*words):
-    return [sys.executable, "-m", "tbdcore.cli", *words]
+    return [sys.executable, "-m", "tbdcore.repro.cli", *words]
 
 
 def environment(folder):

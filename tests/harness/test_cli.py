@@ -8,7 +8,7 @@ import sys
 import pytest
 import tiny
 
-from tbdcore import cli, paths
+from tbdcore.repro import cli, paths
 
 VERDICTS = """id,item,quantity,published,measured,se,n,verdict,cause
 mean,Table 1,mean of the draws,0.0,0.01,0.05,400,reproduced,

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tbdcore import figures
-from tbdcore.claims import Ledger
+from tbdcore.repro import figures
+from tbdcore.repro.claims import Ledger
 
 PROVENANCE = {"parameters": {"n": 3}, "seed": 1, "trials": 3, "sources": "0123456789abcdef", "versions": {}}
 CLAIMS = "id,item,quantity,conditions,value,unit,kind,where,cause\nmean,Fig. 1,mean,,1.5,m,number,Sec. 2,\n"

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from tbdcore import claims, figures, pages, paths
+from tbdcore.repro import claims, figures, pages, paths
 
 ARTICLE = ("author", "title", "journal", "year")  # what BibTeX requires of an @article
 NARROWER = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"  # a table as it is, or as wide as the text

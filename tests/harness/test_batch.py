@@ -42,7 +42,7 @@ def products(folder):
 
 def would_skip(folder, *runs):
     """Whether the paper would be skipped by resumed runs with these parameters."""
-    code = f"from tbdcore import batch, paths; print([batch.done('tiny', values, paths.figures()) for values in {runs}])"
+    code = f"from tbdcore.repro import batch, paths; print([batch.done('tiny', values, paths.figures()) for values in {runs}])"
     said = subprocess.run(
         [sys.executable, "-c", code], cwd=folder, env=tiny.environment(folder), capture_output=True, text=True, check=True
     )
@@ -80,7 +80,7 @@ def test_resume_goes_by_the_parameters_that_can_change_a_result(folder):
     assert would_skip(folder, {}, {"workers": 7}, {"shift": 2.0}) == [True, True, False]
 
 
-@pytest.mark.parametrize("change", ["a product", "trials", "figures", "pages", "__init__", "a version"])
+@pytest.mark.parametrize("change", ["a product", "repro/trials", "repro/figures", "repro/pages", "__init__", "a version"])
 def test_resume_does_not_skip_what_is_not_done(folder, change):
     about = folder / "figures" / "tiny" / "table1.json"
     if change == "a product":

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from tbdcore import claims, paths
-from tbdcore.claims import Ledger, given
+from tbdcore.repro import claims, paths
+from tbdcore.repro.claims import Ledger, given
 
 HEADER = ",".join(claims.COLUMNS)
 GOOD = [HEADER, "a.in,Sec. 1,speed,,500,m/s,input,Sec. 1,", "a.num,Fig. 1,range,,287.10,km,number,Sec. 2,"]

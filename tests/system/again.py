@@ -14,7 +14,7 @@ import other_cpu
 import pytest
 from matplotlib import image
 
-from tbdcore import pages, paths
+from tbdcore.repro import pages, paths
 
 CACHE = paths.BUILD / "other_cpu"
 CLUSTER = """
@@ -57,7 +57,7 @@ def contents(folder):
 @pytest.mark.parametrize("workers", [1, 5])
 def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
     words = ["run", "track_cfar", "--quick", "--workers", str(workers), "--out", str(tmp_path)]
-    subprocess.run([sys.executable, "-m", "tbdcore.cli", *words], check=True)
+    subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True)
     here, there = contents(paths.BUILD / "quick" / "track_cfar"), contents(tmp_path / "track_cfar")
     assert here.keys() == there.keys()
     assert [name for name in here if here[name] != there[name]] == []
@@ -66,7 +66,7 @@ def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
 @pytest.mark.parametrize("paper", pages.papers())
 def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, scheduler, tmp_path):
     words = ["run", paper, "--quick", "--scheduler", scheduler, "--out", str(tmp_path)]
-    subprocess.run([sys.executable, "-m", "tbdcore.cli", *words], check=True, env=elsewhere)
+    subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True, env=elsewhere)
     here, there = ({file.name: file for file in folder.iterdir()} for folder in (paths.BUILD / "quick" / paper, tmp_path / paper))
     assert here.keys() == there.keys()
     assert len([name for name in here if name.endswith(".csv")]) > 5

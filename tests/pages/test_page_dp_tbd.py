@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import dynprog, motion, pages, sensor
+from tbdcore import dynprog, motion, sensor
+from tbdcore.repro import pages
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from tbdcore import cli, doctor, paths
+from tbdcore.repro import cli, doctor, paths
 
 
 def test_a_healthy_machine_passes(capsys):
@@ -66,7 +66,7 @@ def wrong_kernel_result(monkeypatch, tmp_path):
 
 
 def wrong_workers(monkeypatch, tmp_path):
-    from tbdcore import trials
+    from tbdcore.repro import trials
 
     real = trials.run
     monkeypatch.setattr(trials, "run", lambda trial, n, seed, workers: real(trial, n, seed=seed + workers, workers=1))

@@ -9,7 +9,7 @@ import tomllib
 import pytest
 import tiny
 
-from tbdcore import cite, cli, figures, paths
+from tbdcore.repro import cite, cli, figures, paths
 
 ALL = tomllib.loads((tiny.ROOT / "data" / "papers.toml").read_text(encoding="utf-8"))
 

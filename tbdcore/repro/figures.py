@@ -39,7 +39,7 @@ from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from tbdcore import paths, trials
+from tbdcore.repro import paths, trials
 from tbdcore.score import Z99
 
 STYLE = {
@@ -267,7 +267,7 @@ def artist():
     """
     if trials.cores() == 1:
         return None
-    studio = [sys.executable, "-c", "from tbdcore import figures; figures._studio()"]
+    studio = [sys.executable, "-c", "from tbdcore.repro import figures; figures._studio()"]
     return subprocess.Popen(studio, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
 
 

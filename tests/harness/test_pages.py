@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import tiny
 
-from tbdcore import pages, paths, trials
+from tbdcore.repro import pages, paths, trials
 
 CELL = """seed: int = 20  # root of every random stream; in [0, inf)
 n_trials: int = 400  # Monte Carlo trials; in [1, inf); quick 40
@@ -194,7 +194,8 @@ def test_a_folder_without_permission(tmp_path):
 
 ALGORITHM = """import numpy as np
 
-from tbdcore import kernel, trials
+from tbdcore import kernel
+from tbdcore.repro import trials
 
 
 @kernel
@@ -263,7 +264,7 @@ def test_the_hash_of_the_sources_follows_code_claims_and_modules(repository):
     second = pages.sources("tiny")
     (paths.CLAIMS / "tiny.csv").write_text(tiny.CLAIMS.replace("cheap", "dear"))
     third = pages.sources("tiny")
-    with (paths.PACKAGE / "trials.py").open("a") as module:
+    with (paths.PACKAGE / "repro" / "trials.py").open("a") as module:
         module.write("\nextra = 1\n")
     fourth = pages.sources("tiny")
     with (paths.PACKAGE / "dynprog.py").open("a") as module:  # which the notebook does not import

@@ -18,7 +18,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from tbdcore import paths
+from tbdcore.repro import paths
 
 GOOD, FAILED, USAGE, ENVIRONMENT = 0, 1, 2, 3
 
@@ -116,7 +116,7 @@ def _running(parser):
 
 def _run(arguments):
     """Execute the notebooks of some papers one after the other; a paper that fails does not stop the others."""
-    from tbdcore import batch, pages
+    from tbdcore.repro import batch, pages
 
     named = arguments.papers or (pages.papers() if arguments.given else pages.everything())
     jobs = {paper: _values(paper, arguments) for paper in named}
@@ -136,7 +136,7 @@ def _run(arguments):
 
 def _sweep(arguments):
     """Run one notebook for each value of a parameter."""
-    from tbdcore import batch, pages
+    from tbdcore.repro import batch, pages
 
     name, equals, text = arguments.values.partition("=")
     known = pages.parameters(arguments.paper)
@@ -180,7 +180,7 @@ def _told(arguments, paper, run):
 
 def _refresh(paper, output):
     """Put an executed notebook, cleaned, in the place of the committed one."""
-    from tbdcore import figures, pages
+    from tbdcore.repro import figures, pages
 
     notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
     text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
@@ -189,7 +189,7 @@ def _refresh(paper, output):
 
 def _values(paper, arguments):
     """The parameters of one notebook that the command line sets, checked, as its claims and its folder are."""
-    from tbdcore import claims, pages
+    from tbdcore.repro import claims, pages
 
     known = pages.parameters(paper)
     if paper in pages.papers():
@@ -232,7 +232,7 @@ def _value(text, kind):
 
 def _reachable(jobs):
     """Raise unless the dask schedulers that some sets of parameters name answer."""
-    from tbdcore import trials
+    from tbdcore.repro import trials
 
     for scheduler in {values.get("scheduler", "") for values in jobs} - {""}:
         try:
@@ -250,7 +250,7 @@ def _score(arguments):
 
     figures/scorecard.csv holds every verdict, scorecard.md the counts, figures/README.md all products, figures.bib the papers.
     """
-    from tbdcore import cite, claims, figures
+    from tbdcore.repro import cite, claims, figures
 
     folder = Path(arguments.out) if arguments.out else paths.figures()
     for paper in claims.papers():
@@ -277,7 +277,7 @@ def _score(arguments):
 
 def _cite(arguments):
     """What a report needs of a figure or table."""
-    from tbdcore import cite
+    from tbdcore.repro import cite
 
     print(cite.text(arguments.id, arguments.form, Path(arguments.out) if arguments.out else None), end="")
     return GOOD
@@ -285,7 +285,7 @@ def _cite(arguments):
 
 def _which(arguments):
     """What a file is; fails when the sources that made it have changed."""
-    from tbdcore import cite
+    from tbdcore.repro import cite
 
     text, current = cite.which(Path(arguments.file))
     print(text, end="")
@@ -294,7 +294,7 @@ def _which(arguments):
 
 def _doctor(arguments):
     """Check the environment: what is good on standard output, one line for each fault on standard error."""
-    from tbdcore import doctor
+    from tbdcore.repro import doctor
 
     status = GOOD
     for good, line in doctor.examine():
@@ -323,7 +323,7 @@ def _changes(scorecard, every):
 
 def _readme(every):
     """README.md with the table of papers between its markers made anew."""
-    from tbdcore import figures
+    from tbdcore.repro import figures
 
     begin, end = "<!-- scorecard -->\n", "<!-- /scorecard -->"
     before, _, rest = paths.README.read_text(encoding="utf-8").partition(begin)
@@ -339,7 +339,7 @@ def _papers(every):
 
     import pandas as pd
 
-    from tbdcore import claims, pages
+    from tbdcore.repro import claims, pages
 
     about = tomllib.loads((paths.DATA / "papers.toml").read_text(encoding="utf-8"))
     rows = []

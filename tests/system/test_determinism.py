@@ -7,7 +7,7 @@ import numpy as np
 import page_trials
 import pytest
 
-from tbdcore import trials
+from tbdcore.repro import trials
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import pandas as pd
 import psutil
 
-from tbdcore import claims, figures, pages, paths
+from tbdcore.repro import claims, figures, pages, paths
 
 GOOD, FAILED, INTERRUPTED = 0, 1, 130
 TRACKER = "ignore::UserWarning:loky.backend.resource_tracker"  # it cleans up after killed workers, and says so
@@ -54,7 +54,7 @@ def run(paper, values, output, *, say=print, resume=False):
     ----------
     paper : str
     values : dict
-        Parameters as :func:`tbdcore.pages.validate` returns them.
+        Parameters as :func:`tbdcore.repro.pages.validate` returns them.
     output : pathlib.Path
         The executed notebook.
     say : callable

@@ -12,7 +12,7 @@ import tempfile
 from importlib import metadata
 from pathlib import Path
 
-from tbdcore import paths
+from tbdcore.repro import paths
 
 INSTALL = "run: python -m pip install --require-hashes --no-deps -r environment.txt"
 STREAM = 0x052D27BA31D1AF10  # first output of the stream (seed 20, trial 0)
@@ -75,7 +75,7 @@ def kernel():
 
 def cores():
     """Cores that this process may use."""
-    from tbdcore import trials
+    from tbdcore.repro import trials
 
     return f"{trials.cores()}; choose fewer with --workers"
 
@@ -119,7 +119,8 @@ def answers():
     """Three calculations whose results are known."""
     import numpy as np
 
-    from tbdcore import kalman, trials
+    from tbdcore import kalman
+    from tbdcore.repro import trials
 
     first = int(_stream(20, 0).bit_generator.random_raw())
     if first != STREAM:
@@ -134,7 +135,7 @@ def answers():
 
 
 def _stream(seed, i):
-    from tbdcore import trials
+    from tbdcore.repro import trials
 
     return trials.generator(seed, "doctor", "self-test", i, "noise")
 

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from tbdcore import claims, pages, paths
+from tbdcore.repro import claims, pages, paths
 
 NOTEBOOKS = {path.stem: path for path in sorted(paths.NOTEBOOKS.glob("*.ipynb"))}
 PAPERS = pages.papers()

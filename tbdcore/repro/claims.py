@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from tbdcore import paths
+from tbdcore.repro import paths
 from tbdcore.score import Z99  # half width of our interval, in standard errors
 
 COLUMNS = ("id", "item", "quantity", "conditions", "value", "unit", "kind", "where", "cause")

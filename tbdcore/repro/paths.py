@@ -7,7 +7,7 @@ products of default runs elsewhere: the tests use it, so that checking the commi
 import os
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"  # NN_<paper>.ipynb, committed executed
 DATA = ROOT / "data"  # papers.toml: bibliography
 CLAIMS = DATA / "claims"  # <paper>.csv: what the papers publish

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from tbdcore import trials
+from tbdcore.repro import trials
 
 N = 37  # a prime: chunks of every executor end unevenly
 

@@ -40,13 +40,13 @@ import types
 from itertools import pairwise
 from pathlib import Path
 
-from tbdcore import paths
-from tbdcore.claims import Ledger, nearest
-from tbdcore.figures import Portfolio, artist, digest, versions
+from tbdcore.repro import paths
+from tbdcore.repro.claims import Ledger, nearest
+from tbdcore.repro.figures import Portfolio, artist, digest, versions
 
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a result
-EVERYWHERE = {"__init__", "claims", "figures", "pages", "paths", "trials"}  # modules that every product has passed through
+EVERYWHERE = {"__init__", "repro/claims", "repro/figures", "repro/pages", "repro/paths", "repro/trials"}  # of every product
 COMMON = ("seed", "n_trials", *PLUMBING)
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -209,8 +209,8 @@ def begin(paper, namespace):
 
     Returns
     -------
-    claims : tbdcore.claims.Ledger
-    figures : tbdcore.figures.Portfolio
+    claims : tbdcore.repro.claims.Ledger
+    figures : tbdcore.repro.figures.Portfolio
     """
     known = parameters(paper)
     strangers = [name for name, value in namespace.items() if name not in known and _plain_variable(name, value)]
@@ -307,9 +307,10 @@ def imported(source):
     names = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tbdcore"):
-            names |= {node.module.removeprefix("tbdcore").lstrip(".")} | {alias.name for alias in node.names}
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, ast.Import):
-            names |= {alias.name.removeprefix("tbdcore").lstrip(".") for alias in node.names if alias.name.startswith("tbdcore")}
+            names |= {alias.name for alias in node.names if alias.name.startswith("tbdcore")}
+    names = {name.removeprefix("tbdcore").lstrip(".").replace(".", "/") for name in names}
     return {name for name in names if (paths.PACKAGE / f"{name}.py").is_file()}
 
 

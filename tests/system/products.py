@@ -1,7 +1,7 @@
 """The committed products against those of a fresh execution of the notebooks, and what is made from them.
 
 `make test` executes the notebooks with nbval first, their products in build/nbval, and then runs this file by its name
-(``pytest tests/products.py``); it is not collected otherwise.  Data, tables and verdicts must agree line by line; the last of
+(``pytest`` by name); it is not collected otherwise.  Data, tables and verdicts must agree line by line; the last of
 six digits may differ by one, since on another CPU a sum may end in another bit.  A
 PNG may differ in one value of ten thousand by one step of colour.  Products and sources belong together: their hash must agree.
 """
@@ -12,7 +12,7 @@ import re
 import pytest
 from again import alike
 
-from tbdcore import claims, cli, pages, paths
+from tbdcore.repro import claims, cli, pages, paths
 
 FRESH = paths.BUILD / "nbval"
 PAGES = sorted({*pages.papers(), *(path.name for path in paths.PRODUCTS.iterdir() if path.is_dir())})  # the index has products too

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import pages, sensor
+from tbdcore import sensor
+from tbdcore.repro import pages
 
 page = tbdcore.page("mda_tbd")
 SMALL = page.Scenario(N=300, B=100, scans=40)

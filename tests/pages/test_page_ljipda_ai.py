@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import pages
+from tbdcore.repro import pages
 
 page = tbdcore.page("ljipda_ai")
 CALM = page.Scenario(clutter=1e-9)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import detection, score, trials
+from tbdcore import detection, score
+from tbdcore.repro import trials
 
 
 @pytest.fixture(scope="module")

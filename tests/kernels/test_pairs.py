@@ -32,6 +32,8 @@ def test_kernel_equals_its_specification(kernel, spec, arguments):
 def _kernels():
     """All public kernels of the package."""
     for about in pkgutil.iter_modules(tbdcore.__path__):
+        if about.ispkg:  # the harness has no kernels
+            continue
         module = importlib.import_module(f"tbdcore.{about.name}")
         for name, value in vars(module).items():
             if hasattr(value, "py_func") and value.__module__ == module.__name__ and not name.startswith("_"):
