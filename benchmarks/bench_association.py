@@ -1,9 +1,12 @@
-"""Association: single scans, and whole trials of 100 scans with 3 tracks and about 230 plots a scan.
+"""Association: single scans, and whole trials of 100 scans with 3 tracks and about 230 plots a
+scan.
 
-Asked are 8 ms for the plots of a trial and one tracker, and 1 ms for the exact marginals of 10 tracks that share 12 plots.  The
-specification of a trial is the same loop over scans with the dense NumPy formulas; that of the exact marginals lists the joint
-events, which for 10 tracks nobody can, so it is timed on 4 tracks and 6 plots.  The peer is Stone Soup's JPDA, where it is
-installed: whole scans of tracks that share all plots, densities and its objects included, which must give the same marginals first.
+Asked are 8 ms for the plots of a trial and one tracker, and 1 ms for the exact marginals of 10
+tracks that share 12 plots.  The specification of a trial is the same loop over scans with the dense
+NumPy formulas; that of the exact marginals lists the joint events, which for 10 tracks nobody can,
+so it is timed on 4 tracks and 6 plots.  The peer is Stone Soup's JPDA, where it is installed: whole
+scans of tracks that share all plots, densities and its objects included, which must give the same
+marginals first.
 """
 
 import importlib.util
@@ -25,7 +28,9 @@ def scene(T, M):
 
 
 def numpy_trial(z, p, x, P, F, amplitude):
-    """A whole trial with the specifications: JIPDA by its list of events would not end, so LJIPDA with amplitude."""
+    """A whole trial with the specifications: JIPDA by its list of events would not end, so LJIPDA
+    with amplitude.
+    """
     Q, var_a = motion.step_acceleration(p.T, math.sqrt(p.q)), math.radians(p.sigma_theta_deg) ** 2
     existence, detect = np.full(3, p.p_start), np.full(3, p.p_detect * p.p_gate)
     for k in range(1, p.frames):
@@ -34,44 +39,83 @@ def numpy_trial(z, p, x, P, F, amplitude):
         zhat, _, D = kalman.gate_tracks_spec(x, P, p.sigma_r**2, var_a)
         meas, log_p = association.candidates_spec(z.z[scan], zhat, D, p.gamma, p.p_gate)
         log_a = detection.amplitude_ratio_spec(z.u[scan][meas], amplitude)
-        beta, existence = association.ljipda_spec(log_p - math.log(p.clutter), log_a, p.p11 * existence, detect)
+        beta, existence = association.ljipda_spec(
+            log_p - math.log(p.clutter), log_a, p.p11 * existence, detect
+        )
         x, P = kalman.update_mixture_spec(x, P, D, z.z[scan][meas], beta)
     return x
 
 
 def peer_rows():
-    """Scans with their densities: ours, and the peer's where it is installed, once both have found the same marginals."""
+    """Scans with their densities: ours, and the peer's where it is installed, once both have found
+    the same marginals.
+    """
     known = importlib.util.find_spec("stonesoup") is not None
     for T, M in ((2, 4), (3, 5), (4, 6)):
         where, plots = scan(1, T, M)
-        if known and not np.allclose(our_marginals(where, plots), peer_marginals(where, plots), rtol=1e-6, atol=1e-9):
+        if known and not np.allclose(
+            our_marginals(where, plots), peer_marginals(where, plots), rtol=1e-6, atol=1e-9
+        ):
             raise ValueError(f"{PEER} has other marginals for {T} tracks and {M} plots")
         seconds = best(our_marginals, where, plots)
         peer = best(peer_marginals, where, plots, repeat=2) if known else None
-        yield Row("association.candidates, jipda", f"scan of {T} tracks, {M} plots", seconds, None, None, PEER, peer)
+        yield Row(
+            "association.candidates, jipda",
+            f"scan of {T} tracks, {M} plots",
+            seconds,
+            None,
+            None,
+            PEER,
+            peer,
+        )
 
 
 def rows():
     """Marginals of one scan, then whole trials by every method."""
-    yield Row("association.jipda", "10 tracks share 12 plots", best(association.jipda, *scene(10, 12)), asked_seconds=1e-3)
+    yield Row(
+        "association.jipda",
+        "10 tracks share 12 plots",
+        best(association.jipda, *scene(10, 12)),
+        asked_seconds=1e-3,
+    )
     small = scene(4, 6)
     yield Row(
-        "association.jipda", "4 tracks, 6 plots", best(association.jipda, *small), best(association.jipda_spec, *small, repeat=2)
+        "association.jipda",
+        "4 tracks, 6 plots",
+        best(association.jipda, *small),
+        best(association.jipda_spec, *small, repeat=2),
     )
     yield from peer_rows()
     for T in range(2, 11, 2):
         args = np.zeros((T, T + 2)), *scene(T, T + 2)[1:]
         listed = best(association.jipda_spec, *args, repeat=1) if T <= 4 else None
-        yield Row("association.jipda", f"{T} tracks share {T + 2} plots", best(association.jipda, *args), listed)
+        yield Row(
+            "association.jipda",
+            f"{T} tracks share {T + 2} plots",
+            best(association.jipda, *args),
+            listed,
+        )
         linear = args[0], *args
-        yield Row("association.ljipda", f"{T} tracks share {T + 2} plots", best(association.ljipda, *linear))
+        yield Row(
+            "association.ljipda",
+            f"{T} tracks share {T + 2} plots",
+            best(association.ljipda, *linear),
+        )
     for name in ("ipda", "visibility", "modulated", "prior_odds"):
         kernel, spec = getattr(association, name), getattr(association, f"{name}_spec")
-        yield Row(f"association.{name}", "10 tracks share 12 plots", best(kernel, *scene(10, 12)), best(spec, *scene(10, 12)))
+        yield Row(
+            f"association.{name}",
+            "10 tracks share 12 plots",
+            best(kernel, *scene(10, 12)),
+            best(spec, *scene(10, 12)),
+        )
     log_ratio, existence, detect = scene(10, 12)
     args = log_ratio, np.zeros_like(log_ratio), existence, detect
     yield Row(
-        "association.ljipda", "10 tracks share 12 plots", best(association.ljipda, *args), best(association.ljipda_spec, *args)
+        "association.ljipda",
+        "10 tracks share 12 plots",
+        best(association.ljipda, *args),
+        best(association.ljipda_spec, *args),
     )
     yield from trial_rows()
 
@@ -86,5 +130,15 @@ def trial_rows():
     (x, P), F = page.start_tracks(p, np.random.default_rng(2)), page.course(p)[1]
     for method in page.METHODS:
         seconds = best(lambda method=method: page.run(z, p, np.random.default_rng(2), method))
-        spec = best(numpy_trial, z, p, x, P, F, np.full(3, 10.0), repeat=1) if method == "LJIPDA-AI" else None
-        yield Row(f"page ljipda_ai, plots and {method}", f"3 tracks, {work}", plots + seconds, spec, asked_seconds=8e-3)
+        spec = (
+            best(numpy_trial, z, p, x, P, F, np.full(3, 10.0), repeat=1)
+            if method == "LJIPDA-AI"
+            else None
+        )
+        yield Row(
+            f"page ljipda_ai, plots and {method}",
+            f"3 tracks, {work}",
+            plots + seconds,
+            spec,
+            asked_seconds=8e-3,
+        )

@@ -1,10 +1,13 @@
-"""Dynamic programming: one trial of 11 frames of 50 x 50 cells, double precision, as the page runs it.
+"""Dynamic programming: one trial of 11 frames of 50 x 50 cells, double precision, as the page runs
+it.
 
-A trial puts the frames into their margin, runs the forward pass, finds the largest final state and follows its path back.  The
-specification is the vectorised NumPy recursion (whole planes shifted, one maximum per predecessor); the peer, for the
-conventional set, is ``scipy.ndimage.maximum_filter`` (its forward pass alone).  The limit is what this machine needs to load and
-compare: every state must look at 12, 4 or 18 candidates in each of ten frames, and the time of one look is measured on a loop
-that does nothing else with data that stay in the first-level cache.
+A trial puts the frames into their margin, runs the forward pass, finds the largest final state and
+follows its path back.  The specification is the vectorised NumPy recursion (whole planes shifted,
+one maximum per predecessor); the peer, for the conventional set, is
+``scipy.ndimage.maximum_filter`` (its forward pass alone).  The limit is what this machine needs to
+load and compare: every state must look at 12, 4 or 18 candidates in each of ten frames, and the
+time of one look is measured on a loop that does nothing else with data that stay in the first-level
+cache.
 """
 
 import numpy as np
@@ -35,7 +38,9 @@ def trial(frames, forward, path, weights, back, I, slowest, reach):
 
 
 def seconds_per_look():
-    """One load and compare, from a loop of three of them per element over data in the first-level cache."""
+    """One load and compare, from a loop of three of them per element over data in the first-level
+    cache.
+    """
     a, b, c, out = np.random.default_rng(0).normal(size=(4, 800))
     return best(repeated_top, out, a, b, c, 1000) / (1000 * 3 * a.size)
 
@@ -62,8 +67,19 @@ def rows():
         forward, path = f"{family}_forward", f"{family.replace('box', 'weighted')}_path"
         arguments = weights, weights if family != "box" else (*weights, ONE), I, slowest, reach
         seconds = best(trial, frames, getattr(dynprog, forward), getattr(dynprog, path), *arguments)
-        spec = best(trial, frames, getattr(dynprog, f"{forward}_spec"), getattr(dynprog, f"{path}_spec"), *arguments, repeat=1)
+        spec = best(
+            trial,
+            frames,
+            getattr(dynprog, f"{forward}_spec"),
+            getattr(dynprog, f"{path}_spec"),
+            *arguments,
+            repeat=1,
+        )
         limit = looks * V * V * GRID[0] * GRID[1] * (K - 1) * look
-        peer = ("scipy maximum_filter", best(filters, frames)) if name == "conventional" else ("", None)
+        peer = (
+            ("scipy maximum_filter", best(filters, frames))
+            if name == "conventional"
+            else ("", None)
+        )
         work = f"trial of {K} frames, {V * V * GRID[0] * GRID[1]} states"
         yield Row(f"dynprog.{forward} ({name})", work, seconds, spec, limit, *peer, ASKED.get(name))

@@ -2,9 +2,9 @@
 
 A step is timed where it is used, in a compiled loop; the specification is one call from Python.
 
-The limit is arithmetic: the multiplications and additions of a step at the rate at which this machine does independent ones,
-measured by a loop over eight sums.  A step is a chain of dependent operations with divisions and a root in it, so several times the
-limit is as good as it gets.
+The limit is arithmetic: the multiplications and additions of a step at the rate at which this
+machine does independent ones, measured by a loop over eight sums.  A step is a chain of dependent
+operations with divisions and a root in it, so several times the limit is as good as it gets.
 """
 
 import numpy as np

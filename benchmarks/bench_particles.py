@@ -1,9 +1,11 @@
-"""Particles: the kernels of a particle filter on 4000 particles, and whole trials of 60 frames of 30 x 20 cells.
+"""Particles: the kernels of a particle filter on 4000 particles, and whole trials of 60 frames of
+30 x 20 cells.
 
-The peer of the kernels is vectorised NumPy, written as one would without a compiler: all patches gathered in one array, masks
-for the regimes, a sorted search for the resampling, indices for the copies.  The trials are those of the page ``mm_pf_tbd``;
-their peer is the same page with these functions in the place of the kernels, so that both columns draw the same random
-numbers and do the same work.  Asked are 10 and 25 ms for a trial.
+The peer of the kernels is vectorised NumPy, written as one would without a compiler: all patches
+gathered in one array, masks for the regimes, a sorted search for the resampling, indices for the
+copies.  The trials are those of the page ``mm_pf_tbd``; their peer is the same page with these
+functions in the place of the kernels, so that both columns draw the same random numbers and do the
+same work.  Asked are 10 and 25 ms for a trial.
 """
 
 from dataclasses import replace
@@ -22,21 +24,27 @@ PEAK, BLUR, NOISE = sensor.blob_peak(18.0, 0.6), 0.6, 2.3
 def log_ratio(z, S, r, peak, blur, noise):
     """Vectorised NumPy: every patch of 5 x 5 cells gathered at once."""
     x, y = S[:, 0], S[:, 2]
-    on = np.flatnonzero((r > 0) & (x >= 0.5) & (x < z.shape[0] + 0.5) & (y >= 0.5) & (y < z.shape[1] + 0.5))
+    on = np.flatnonzero(
+        (r > 0) & (x >= 0.5) & (x < z.shape[0] + 0.5) & (y >= 0.5) & (y < z.shape[1] + 0.5)
+    )
     x, y, m = x[on], y[on], np.arange(-2, 3)
     i, j = (np.floor(v + 0.5).astype(int)[:, None] + m for v in (x, y))
     gx, gy = (np.exp(-((c - v[:, None]) ** 2) / (2 * blur**2)) for c, v in ((i, x), (j, y)))
     gx *= (i >= 1) & (i <= z.shape[0])
     gy *= (j >= 1) & (j <= z.shape[1])
     h = peak * gx[:, :, None] * gy[:, None, :]
-    cells = z[np.clip(i - 1, 0, z.shape[0] - 1)[:, :, None], np.clip(j - 1, 0, z.shape[1] - 1)[:, None, :]]
+    cells = z[
+        np.clip(i - 1, 0, z.shape[0] - 1)[:, :, None], np.clip(j - 1, 0, z.shape[1] - 1)[:, None, :]
+    ]
     out = np.zeros(len(r))
     out[on] = (h * (2 * cells - h)).sum(axis=(1, 2)) / (2 * noise**2)
     return out
 
 
 def transition(r, S, Pi, T, u, a, omegas, redraw):
-    """Vectorised NumPy: the chain by one comparison, both regimes at once, sin and cos of whole columns."""
+    """Vectorised NumPy: the chain by one comparison, both regimes at once, sin and cos of whole
+    columns.
+    """
     C = np.cumsum(Pi, axis=1)
     after, born = (u[:, None] >= C[r, :-1]).sum(axis=1), np.empty(0, np.int64)
     live = after > 0
@@ -107,7 +115,13 @@ def rows():
     for kernel, spec, args in kernels():
         peer = best(NUMPY[kernel.__name__], *args)
         yield Row(
-            kernel.__name__, f"{N} particles", best(kernel, *args), best(spec, *args, repeat=1), None, "vectorised NumPy", peer
+            kernel.__name__,
+            f"{N} particles",
+            best(kernel, *args),
+            best(spec, *args, repeat=1),
+            None,
+            "vectorised NumPy",
+            peer,
         )
     for name, page, run, p, z, asked in trials():
         with patch.multiple(page, **NUMPY):

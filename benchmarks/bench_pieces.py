@@ -1,7 +1,9 @@
-"""Kernels that are pieces of a trial and have no row elsewhere, called from Python on arrays of the size that the notebooks use.
+"""Kernels that are pieces of a trial and have no row elsewhere, called from Python on arrays of the
+size that the notebooks use.
 
-Python's own call, about half a microsecond, is in both times, so the ratio to the specification is the least that can be said.
-The specification of ``coherent_log_ratio`` is an adaptive quadrature for each particle.
+Python's own call, about half a microsecond, is in both times, so the ratio to the specification is
+the least that can be said. The specification of ``coherent_log_ratio`` is an adaptive quadrature
+for each particle.
 """
 
 import numpy as np
@@ -12,22 +14,43 @@ from tbdcore import detection, kalman, motion, sensor
 
 def rows():
     rng = np.random.default_rng(1)
-    x = np.column_stack((rng.uniform(1e4, 3e4, 3), rng.normal(0, 30, 3), rng.uniform(1e4, 3e4, 3), rng.normal(0, 30, 3)))
+    x = np.column_stack(
+        (
+            rng.uniform(1e4, 3e4, 3),
+            rng.normal(0, 30, 3),
+            rng.uniform(1e4, 3e4, 3),
+            rng.normal(0, 30, 3),
+        )
+    )
     A = rng.normal(size=(3, 4, 4)) * np.array([50.0, 1.0, 50.0, 1.0])[:, None]
-    P, F, Q = A @ np.swapaxes(A, 1, 2), np.stack([motion.cv(1.0)] * 3), motion.step_acceleration(1.0, 1.0)
+    P, F, Q = (
+        A @ np.swapaxes(A, 1, 2),
+        np.stack([motion.cv(1.0)] * 3),
+        motion.step_acceleration(1.0, 1.0),
+    )
     D, weights = kalman.gate_tracks(x, P, 400.0, 1e-7)[2], rng.random((3, 6))
     place, z = 10.0 + rng.random((2, 50)), rng.standard_exponential((20, 20))
     patch = z, *place, np.full(50, 4.0), sensor.Spread(1.44, 0.11, 2, 6)
     gate = 0.01, (0.3, 0.8), (250010.0, -1.3), (900.0, 0.11), (150.0, 0.0349), 0.02, 0
     work = {
-        "amplitude_ratio": (detection, "3 tracks, 20 plots", (rng.standard_exponential(20), np.full(3, 10.0))),
+        "amplitude_ratio": (
+            detection,
+            "3 tracks, 20 plots",
+            (rng.standard_exponential(20), np.full(3, 10.0)),
+        ),
         "false_plot": (detection, "gate of 104 cells", gate),
         "predict_tracks": (kalman, "3 tracks", (x, P, F, Q)),
         "gate_tracks": (kalman, "3 tracks", (x, P, 400.0, 1e-7)),
-        "update_mixture": (kalman, "3 tracks, 5 plots", (x, P, D, x[:1, ::2] + 50.0 * rng.normal(size=(5, 2)), weights)),
+        "update_mixture": (
+            kalman,
+            "3 tracks, 5 plots",
+            (x, P, D, x[:1, ::2] + 50.0 * rng.normal(size=(5, 2)), weights),
+        ),
         "coherent_log_ratio": (sensor, "50 particles, 5 x 13 cells", patch),
     }
     for name, (module, about, arguments) in work.items():
         kernel, spec = getattr(module, name), getattr(module, f"{name}_spec")
         where = module.__name__.removeprefix("tbdcore.")
-        yield Row(f"{where}.{name}", about, best(kernel, *arguments), best(spec, *arguments, repeat=2))
+        yield Row(
+            f"{where}.{name}", about, best(kernel, *arguments), best(spec, *arguments, repeat=2)
+        )

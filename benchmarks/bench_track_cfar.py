@@ -1,10 +1,11 @@
-"""Constant track-false-alarm detection: one flight of 80 frames, filter and event-level detection, of either detector.
+"""Constant track-false-alarm detection: one flight of 80 frames, filter and event-level detection,
+of either detector.
 
-The specification is ``run``, the page's executable equations, on the target's plots alone.  The peers are the same flight in
-vectorised NumPy, all flights at once, and with an extended Kalman filter object of filterpy for each flight (without false
-alarms); both must delete every track in the frame in which the compiled flight does.  Asked are 60 us
-proposed and 30 us traditional.  A scene is drawn once and flown by both detectors, so drawing and seeding have rows of
-their own.
+The specification is ``run``, the page's executable equations, on the target's plots alone.  The
+peers are the same flight in vectorised NumPy, all flights at once, and with an extended Kalman
+filter object of filterpy for each flight (without false alarms); both must delete every track in
+the frame in which the compiled flight does.  Asked are 60 us proposed and 30 us traditional.  A
+scene is drawn once and flown by both detectors, so drawing and seeding have rows of their own.
 """
 
 import importlib.util
@@ -50,7 +51,13 @@ def fly_many(scene, z, d):
     plots = z + np.sqrt(var) * (z[:, :1] / d.r0) ** 2 * scene.e
     x, P = start(plots, [(plots[:, k, :1] / d.r0) ** 4 * var for k in range(2)], d)
     n, K = scene.u.shape
-    died, misses, alive, F, Q = np.full(n, K), np.zeros(n, int), np.arange(n), motion.cv(d.T), motion.white_acceleration(d.T, d.q)
+    died, misses, alive, F, Q = (
+        np.full(n, K),
+        np.zeros(n, int),
+        np.arange(n),
+        motion.cv(d.T),
+        motion.white_acceleration(d.T, d.q),
+    )
     for k in range(K):
         x, P = kalman.predict(x, P, F, Q)
         zhat, H = kalman.polar(x), kalman.polar_jacobian(x)
@@ -62,7 +69,14 @@ def fly_many(scene, z, d):
         y = kalman.residual(plots[alive, k + 2], zhat)
         found = (scene.lam[alive, k] > -np.log(P_f)) & (abs(y) <= half).all(axis=1)
         for i in np.flatnonzero(scene.u[alive, k] < P_f * cells):
-            false = false_plots(scene.u[alive[i], k], scene.v[alive[i], k], tuple(zhat[i]), tuple(half[i]), P_f[i], d)
+            false = false_plots(
+                scene.u[alive[i], k],
+                scene.v[alive[i], k],
+                tuple(zhat[i]),
+                tuple(half[i]),
+                P_f[i],
+                d,
+            )
             both = np.vstack([y[i : i + 1], false]) if found[i] else false
             if len(both):
                 found[i], y[i] = True, both[np.argmin(kalman.mahalanobis(both, D[i]))]
@@ -81,7 +95,9 @@ def fly_filterpy(scene, z, d):
     var = np.array(d.var)
     plots = z + np.sqrt(var) * (z[:, :1] / d.r0) ** 2 * scene.e
     ekf, misses = ExtendedKalmanFilter(dim_x=4, dim_z=2), 0
-    ekf.x, ekf.P = kalman.two_point(plots[0], plots[1], *(tuple((plots[k, 0] / d.r0) ** 4 * var) for k in range(2)), d.T)
+    ekf.x, ekf.P = kalman.two_point(
+        plots[0], plots[1], *(tuple((plots[k, 0] / d.r0) ** 4 * var) for k in range(2)), d.T
+    )
     ekf.F, ekf.Q = motion.cv(d.T), motion.white_acceleration(d.T, d.q)
     for k in range(scene.u.size):
         ekf.predict()
@@ -103,7 +119,10 @@ def fly_filterpy(scene, z, d):
 def plots_only(scene, z, page, p):
     """Scans that hold the target's plot alone, for `run`."""
     plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
-    return [np.array([[*plot, lam]]) for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)]
+    return [
+        np.array([[*plot, lam]])
+        for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)
+    ]
 
 
 def each(function, scenes):
@@ -114,7 +133,10 @@ def each(function, scenes):
 def agree(name, ours, theirs):
     """Raise unless a peer deletes every track in the frame in which the kernel does."""
     if list(ours) != list(theirs):
-        raise ValueError(f"{name} deletes tracks in other frames than the compiled flight: {ours[:5]} and {theirs[:5]}")
+        raise ValueError(
+            f"{name} deletes tracks in other frames than the compiled flight: "
+            f"{ours[:5]} and {theirs[:5]}"
+        )
 
 
 def rows():
@@ -134,12 +156,30 @@ def rows():
         agree("NumPy", each(fly, scenes), fly_many(stacked, z, d).tolist())
         batched = best(fly_many, stacked, z, d, repeat=2) / FLIGHTS
         peer = "NumPy, batched", batched
-        yield Row(f"track_cfar.fly ({name})", f"flight of {p.frames} frames", seconds, spec, None, *peer, ASKED[name])
+        yield Row(
+            f"track_cfar.fly ({name})",
+            f"flight of {p.frames} frames",
+            seconds,
+            spec,
+            None,
+            *peer,
+            ASKED[name],
+        )
         if importlib.util.find_spec("filterpy"):
             theirs = partial(fly_filterpy, z=z, d=d)
             agree("filterpy", each(fly, quiet), each(theirs, quiet))
             alone, peer = best(each, fly, quiet) / SLOW, best(each, theirs, quiet, repeat=1) / SLOW
-            yield Row(f"track_cfar.fly ({name})", "the same without false alarms", alone, None, None, "filterpy", peer)
+            yield Row(
+                f"track_cfar.fly ({name})",
+                "the same without false alarms",
+                alone,
+                None,
+                None,
+                "filterpy",
+                peer,
+            )
     seeding = best(trials.generator, 20, "track_cfar", "benchmark", 0, "noise")
-    yield Row("track_cfar.simulate", "scene of a flight, to draw", best(page.simulate, z, p, rngs[0]))
+    yield Row(
+        "track_cfar.simulate", "scene of a flight, to draw", best(page.simulate, z, p, rngs[0])
+    )
     yield Row("trials.generator", "stream of a flight, to seed", seeding)

@@ -5,9 +5,11 @@ from typing import NamedTuple
 
 
 class Row(NamedTuple):
-    """One kernel: its work, its seconds per call, and those of its specification, its limit and a peer (None: does not apply).
+    """One kernel: its work, its seconds per call, and those of its specification, its limit and a
+    peer (None: does not apply).
 
-    limit_seconds is what the machine needs for the same loads and operations, asked_seconds a target that was set for the whole.
+    limit_seconds is what the machine needs for the same loads and operations, asked_seconds a
+    target that was set for the whole.
     """
 
     kernel: str
@@ -21,7 +23,9 @@ class Row(NamedTuple):
 
 
 def best(function, *args, repeat=5, least=0.02):
-    """Best wall seconds per call of function(*args), after a call that may compile; a timing lasts at least `least` seconds."""
+    """Best wall seconds per call of function(*args), after a call that may compile; a timing lasts
+    at least `least` seconds.
+    """
     function(*args)
     calls, start = 1, time.perf_counter()
     function(*args)

@@ -1,7 +1,8 @@
 """The shared numerical core and the reproduction harness of five radar papers.
 
-A notebook under ``notebooks/`` derives one paper and shows its algorithm; what it needs and another notebook needs too, or
-what is a textbook formula or a compiled loop, is here.  Two groups of modules, which do not import one another:
+A notebook under ``notebooks/`` derives one paper and shows its algorithm; what it needs and another
+notebook needs too, or what is a textbook formula or a compiled loop, is here.  Two groups of
+modules, which do not import one another:
 
 =============  =====================================================================================================
 numerical      ``motion`` ``sensor`` ``detection`` ``particles`` ``kalman`` ``association`` ``dynprog``
@@ -11,10 +12,12 @@ harness        ``score`` ``trials`` ``claims`` ``figures`` ``pages`` ``batch`` `
 Three names are of the package itself:
 
 ``kernel``
-    the one decorator of every compiled loop: Numba's ``njit`` with a disk cache and NumPy's division.  No ``fastmath``, no
-    threads: a sum has the same bits for every number of workers, and on another kind of CPU differs in the last ones at most.
+    the one decorator of every compiled loop: Numba's ``njit`` with a disk cache and NumPy's
+    division.  No ``fastmath``, no threads: a sum has the same bits for every number of workers, and
+    on another kind of CPU differs in the last ones at most.
 ``begin(paper, namespace)``
-    opens a notebook's run: checks its parameters, returns its ledger of claims and its portfolio of figures.
+    opens a notebook's run: checks its parameters, returns its ledger of claims and its portfolio of
+    figures.
 ``page(paper)``
     the algorithm of a notebook as a module, for tests, benchmarks and your own data.
 """

@@ -1,8 +1,10 @@
-"""Which plot came from which track: gating, joint marginals, and the approximations that avoid the joint events.
+"""Which plot came from which track: gating, joint marginals, and the approximations that avoid the
+joint events.
 
-A scan gives plots z_1..z_M; T tracks predict where theirs should be.  A track t that exists with probability P^t and is
-detected inside its gate with probability D^t = P_D P_W either causes exactly one plot or none; a plot has at most one track;
-the rest is Poisson clutter of density lambda.  Everything a tracker needs from the scan is then contained in
+A scan gives plots z_1..z_M; T tracks predict where theirs should be.  A track t that exists with
+probability P^t and is detected inside its gate with probability D^t = P_D P_W either causes exactly
+one plot or none; a plot has at most one track; the rest is Poisson clutter of density
+lambda.  Everything a tracker needs from the scan is then contained in
 
     l[t, m] = ln p^t(z_m) - ln lambda        log_ratio, shape (T, M), -inf where plot m is outside the gate of track t
 
@@ -19,15 +21,17 @@ and every associator here has the same form, (log_ratio, existence, detect) -> (
 ``modulated``      each track alone, the other tracks added to the clutter density (LM)        O(M T)
 =================  ==========================================================================  =====================
 
-The exact marginals need no list of events.  Go through the plots one by one and keep, for every subset A of tracks, the
-summed weight F_m(A) of all ways in which the first m plots use exactly the tracks of A; a plot is clutter or takes one track:
-F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m] F_{m-1}(A - t).  The same backwards gives the weight B_m(A) of completing the scan
-when A is used up, and the marginal of (t, m) is w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t) / B_0(empty).
+The exact marginals need no list of events.  Go through the plots one by one and keep, for every
+subset A of tracks, the summed weight F_m(A) of all ways in which the first m plots use exactly the
+tracks of A; a plot is clutter or takes one track: F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m]
+F_{m-1}(A - t).  The same backwards gives the weight B_m(A) of completing the scan when A is used
+up, and the marginal of (t, m) is w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t) / B_0(empty).
 
-Nothing overflows.  Amplitude ratios reach exp(700) and multiply over tracks, so weights stay logarithms until the dual
-variables of the best single assignment have been added to them: after that every factor is at most one and the best joint
-event weighs exactly one, so that what underflows is below 1e-300 of the sum.  References: Musicki, Evans and Stankovic (1994)
-for IPDA; Musicki and Evans (2004) for JIPDA; Musicki and La Scala (2008) for the modulated density.
+Nothing overflows.  Amplitude ratios reach exp(700) and multiply over tracks, so weights stay
+logarithms until the dual variables of the best single assignment have been added to them: after
+that every factor is at most one and the best joint event weighs exactly one, so that what
+underflows is below 1e-300 of the sum.  References: Musicki, Evans and Stankovic (1994) for IPDA;
+Musicki and Evans (2004) for JIPDA; Musicki and La Scala (2008) for the modulated density.
 """
 
 import itertools
@@ -43,21 +47,34 @@ MAX_TRACKS = 16  # tracks in one joint association: 2^16 subsets per plot, 0.5 M
 def check(z, D, existence, detect, density, joint=True):
     """Raise ValueError, in one line, for what no associator can work with.
 
-    ``z`` (M, 2) plots, ``D`` (T, 2, 2) covariances, ``existence`` and ``detect`` (T,) probabilities, ``density`` the clutter
-    density per m^2; ``joint`` is whether the tracks go through :func:`jipda` together.
+    ``z`` (M, 2) plots, ``D`` (T, 2, 2) covariances, ``existence`` and ``detect`` (T,)
+    probabilities, ``density`` the clutter density per m^2; ``joint`` is whether the tracks go
+    through :func:`jipda` together.
     """
     _check_plots(np.asarray(z, float))
     for t, S in enumerate(np.asarray(D, float)):
         if not np.isfinite(S).all() or np.linalg.eigvalsh(S)[0] <= 0:
-            raise ValueError(f"association: the covariance of track {t} is singular or not positive; give positive variances")
+            raise ValueError(
+                f"association: the covariance of track {t} is singular or not positive; "
+                f"give positive variances"
+            )
     for name, values in (("existence", existence), ("detection", detect)):
         for t, p in enumerate(np.asarray(values, float)):
             if not 0 < p < 1:
-                raise ValueError(f"association: {name} probability {p:g} of track {t} is not in (0, 1); correct it")
+                raise ValueError(
+                    f"association: {name} probability {p:g} of track {t} is not in (0, 1); "
+                    f"correct it"
+                )
     if not (np.isfinite(density) and density > 0):
-        raise ValueError(f"association: clutter density {density:g} must be positive; give false plots per square metre")
+        raise ValueError(
+            f"association: clutter density {density:g} must be positive; "
+            f"give false plots per square metre"
+        )
     if joint and len(existence) > MAX_TRACKS:
-        raise ValueError(f"association: {len(existence)} tracks in one jipda, the limit is {MAX_TRACKS}; split them into clusters")
+        raise ValueError(
+            f"association: {len(existence)} tracks in one jipda, the limit is {MAX_TRACKS}; "
+            f"split them into clusters"
+        )
 
 
 def _check_plots(z):
@@ -66,17 +83,21 @@ def _check_plots(z):
         raise ValueError(f"association: plots of shape {z.shape}; give one row of x and y per plot")
     bad = np.flatnonzero(~np.isfinite(z).all(axis=1))
     if bad.size:
-        raise ValueError(f"association: plot {bad[0]} is {z[bad[0]].tolist()}, not finite; remove it before gating")
+        raise ValueError(
+            f"association: plot {bad[0]} is {z[bad[0]].tolist()}, not finite; "
+            f"remove it before gating"
+        )
 
 
 @kernel
 def candidates(z, zhat, S, gamma, p_gate):
     """The plots inside at least one gate, and the gated density of each track at them.
 
-    ``z`` (M, 2) plots in m, ``zhat`` (T, 2) predicted plots, ``S`` (T, 2, 2) innovation covariances in m^2, ``gamma`` the
-    gate on the squared Mahalanobis distance, ``p_gate`` the probability mass inside it.  Returns ``picked`` (C,), increasing
-    indices into ``z``, and ``log_density`` (T, C), ln of N(z; zhat, S) / p_gate, -inf outside the track's own gate: the
-    paper's eq. (21), truncated to the gate.
+    ``z`` (M, 2) plots in m, ``zhat`` (T, 2) predicted plots, ``S`` (T, 2, 2) innovation covariances
+    in m^2, ``gamma`` the gate on the squared Mahalanobis distance, ``p_gate`` the probability mass
+    inside it.  Returns ``picked`` (C,), increasing indices into ``z``, and ``log_density`` (T, C),
+    ln of N(z; zhat, S) / p_gate, -inf outside the track's own gate: the paper's eq. (21), truncated
+    to the gate.
     """
     M, T = z.shape[0], zhat.shape[0]
     picked, log_p = np.empty(M, np.int64), np.empty((T, M))
@@ -111,10 +132,12 @@ def candidates_spec(z, zhat, S, gamma, p_gate):
 
 @kernel
 def ipda(log_ratio, existence, detect):
-    """Integrated PDA of every track on its own: eqs. (18) and (22) to (24) with every visibility one.
+    """Integrated PDA of every track on its own: eqs. (18) and (22) to (24) with every visibility
+    one.
 
-    ``log_ratio`` (T, M), ``existence`` (T,) predicted probabilities, ``detect`` (T,) = P_D P_W.  Returns beta (T, M + 1) and
-    the posterior existence (T,).  1 - delta = 1 - D + D sum_m exp(l[t, m]) is summed relative to its largest term.
+    ``log_ratio`` (T, M), ``existence`` (T,) predicted probabilities, ``detect`` (T,) = P_D
+    P_W.  Returns beta (T, M + 1) and the posterior existence (T,).  1 - delta = 1 - D + D sum_m
+    exp(l[t, m]) is summed relative to its largest term.
     """
     T, M = log_ratio.shape
     beta, posterior = np.empty((T, M + 1)), np.empty(T)
@@ -126,7 +149,9 @@ def ipda(log_ratio, existence, detect):
         beta[t, 0] = math.exp(miss - top)
         total = beta[t, 0]
         for m in range(M):
-            beta[t, m + 1] = 0.0 if log_ratio[t, m] == -np.inf else math.exp(hit + log_ratio[t, m] - top)
+            beta[t, m + 1] = (
+                0.0 if log_ratio[t, m] == -np.inf else math.exp(hit + log_ratio[t, m] - top)
+            )
             total += beta[t, m + 1]
         for m in range(M + 1):
             beta[t, m] /= total
@@ -148,8 +173,8 @@ def ipda_spec(log_ratio, existence, detect):
 def prior_odds(log_ratio, existence, detect):
     """Odds P_m^t / (1 - P_m^t) of the prior (12), shape (T, M), zero outside the gate.
 
-    The prior shares D^t P^t among the plots of the gate in proportion to their densities; a common factor of these, such as
-    the clutter density, does not matter.
+    The prior shares D^t P^t among the plots of the gate in proportion to their densities; a common
+    factor of these, such as the clutter density, does not matter.
     """
     T, M = log_ratio.shape
     odds = np.zeros((T, M))
@@ -179,7 +204,8 @@ def prior_odds_spec(log_ratio, existence, detect):
 
 @kernel
 def visibility(log_ratio, existence, detect):
-    """Probability that plot m does not come from a track other than t: eqs. (12) to (16), shape (T, M).
+    """Probability that plot m does not come from a track other than t: eqs. (12) to (16), shape (T,
+    M).
 
     (14) and (15) condition the independent priors (12) on at most one track per plot.
     """
@@ -204,10 +230,12 @@ def visibility_spec(log_ratio, existence, detect):
 
 @kernel
 def modulated(log_ratio, existence, detect):
-    """Linear multitarget: log ratios in which the other tracks count as clutter, ln p^t - ln Omega^t, shape (T, M).
+    """Linear multitarget: log ratios in which the other tracks count as clutter, ln p^t - ln
+    Omega^t, shape (T, M).
 
-    Omega^t(z_m) = lambda + sum_{j != t} p^j(z_m) P_m^j / (1 - P_m^j), Musicki and La Scala (2008), eq. (16), with the prior
-    (12).  ``ipda(modulated(l, P, D), P, D)`` is LM-IPDA; exact for two tracks that share one plot.
+    Omega^t(z_m) = lambda + sum_{j != t} p^j(z_m) P_m^j / (1 - P_m^j), Musicki and La Scala (2008),
+    eq. (16), with the prior (12).  ``ipda(modulated(l, P, D), P, D)`` is LM-IPDA; exact for two
+    tracks that share one plot.
     """
     T, M = log_ratio.shape
     odds = prior_odds(log_ratio, existence, detect)
@@ -248,10 +276,12 @@ def modulated_spec(log_ratio, existence, detect):
 
 @kernel
 def ljipda(log_ratio, log_amplitude, existence, detect):
-    """LJIPDA-AI as the paper has it: eqs. (12) to (24); with ``log_amplitude`` zero it is LJIPDA, bit for bit.
+    """LJIPDA-AI as the paper has it: eqs. (12) to (24); with ``log_amplitude`` zero it is LJIPDA,
+    bit for bit.
 
-    ``log_ratio`` (T, M) = ln p - ln lambda is kinematic and alone sets the visibility; ``log_amplitude`` (T, M) = ln Lambda
-    multiplies the density afterwards, in (18) and (23) only.  Returns beta (T, M + 1) and the posterior existence (T,).
+    ``log_ratio`` (T, M) = ln p - ln lambda is kinematic and alone sets the visibility;
+    ``log_amplitude`` (T, M) = ln Lambda multiplies the density afterwards, in (18) and (23)
+    only.  Returns beta (T, M + 1) and the posterior existence (T,).
     """
     visible = visibility(log_ratio, existence, detect)
     T, M = log_ratio.shape
@@ -273,10 +303,12 @@ def ljipda_spec(log_ratio, log_amplitude, existence, detect):
 
 @kernel
 def _potentials(log_w, log_miss):
-    """Dual variables (a, v) of the best joint event: every log_w + a + v, log_miss + a and v is at most zero.
+    """Dual variables (a, v) of the best joint event: every log_w + a + v, log_miss + a and v is at
+    most zero.
 
-    Shortest augmenting paths on the costs -log_w, with one private column per track for its miss.  Adding sum(a) + sum(v) to
-    the log weight of any joint event leaves the best event at zero.
+    Shortest augmenting paths on the costs -log_w, with one private column per track for its
+    miss.  Adding sum(a) + sum(v) to the log weight of any joint event leaves the best event at
+    zero.
     """
     T, M = log_w.shape
     a, v = np.zeros(T), np.zeros(M + T + 1)  # the last column is the root of the search
@@ -315,9 +347,11 @@ def _potentials(log_w, log_miss):
 
 @kernel
 def _subset_marginals(w, miss, idle):
-    """Marginals (T, M + 1) of all joint events: factors ``w`` (T, M), ``miss`` (T,), ``idle`` (M,), all at most one.
+    """Marginals (T, M + 1) of all joint events: factors ``w`` (T, M), ``miss`` (T,), ``idle`` (M,),
+    all at most one.
 
-    Column 0 is the miss.  ``back[m, A]`` sums the completions by the plots m, m + 1, ... when the tracks of A are used.
+    Column 0 is the miss.  ``back[m, A]`` sums the completions by the plots m, m + 1, ... when the
+    tracks of A are used.
     """
     T, M = w.shape
     full = 1 << T
@@ -362,12 +396,15 @@ def _subset_marginals(w, miss, idle):
 def jipda(log_ratio, existence, detect):
     """Joint integrated PDA, exact: the marginals over all joint events, without listing one.
 
-    An event weighs prod_{t missed} (1 - D^t P^t) prod_{(t, m)} D^t P^t exp(l[t, m]); given a miss the target exists with
-    probability (1 - D) P / (1 - D P).  Arguments and result as ``ipda``.  Raises ValueError for more than MAX_TRACKS tracks.
+    An event weighs prod_{t missed} (1 - D^t P^t) prod_{(t, m)} D^t P^t exp(l[t, m]); given a miss
+    the target exists with probability (1 - D) P / (1 - D P).  Arguments and result as
+    ``ipda``.  Raises ValueError for more than MAX_TRACKS tracks.
     """
     T, M = log_ratio.shape
     if T > MAX_TRACKS:
-        raise ValueError("association.jipda: the limit is 16 tracks (2^16 subsets); split them into clusters")
+        raise ValueError(
+            "association.jipda: the limit is 16 tracks (2^16 subsets); split them into clusters"
+        )
     log_w, log_miss = np.full((T, M), -np.inf), np.empty(T)
     for t in range(T):
         log_miss[t] = math.log(1.0 - detect[t] * existence[t])
@@ -413,10 +450,12 @@ def events(T, M):
 
 
 def listed_events(inside):
-    """Numbers of joint events to be listed for gates ``inside`` (T, M) bool: cluster by cluster, and in one list of all tracks.
+    """Numbers of joint events to be listed for gates ``inside`` (T, M) bool: cluster by cluster,
+    and in one list of all tracks.
 
-    A cluster is connected by shared plots; events of different clusters combine freely.  Within a cluster they are counted plot by
-    plot over the sets of tracks served, as ``jipda`` sums their weights.
+    A cluster is connected by shared plots; events of different clusters combine freely.  Within a
+    cluster they are counted plot by plot over the sets of tracks served, as ``jipda`` sums their
+    weights.
     """
     todo, counts = set(range(len(inside))), []
     while todo:

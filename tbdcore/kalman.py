@@ -1,30 +1,36 @@
 """Kalman filtering of range-azimuth plots.
 
-A track is a mean ``x`` (4,) = [x, vx, y, vy] in m and m/s and its covariance ``P`` (4, 4); a plot is ``z`` = [range
-in m, azimuth in rad], azimuth positive from +x towards +y, from a radar at the origin.  One scan is
+A track is a mean ``x`` (4,) = [x, vx, y, vy] in m and m/s and its covariance ``P`` (4, 4); a plot
+is ``z`` = [range in m, azimuth in rad], azimuth positive from +x towards +y, from a radar at the
+origin.  One scan is
 
     x, P = predict(x, P, F, Q)                        time
     zhat, H = polar(x), polar_jacobian(x)             where the plot should be, and how it moves with the state
     D = H P H' + R                                    ``innovation_covariance``
     x, P = update(x, P, z - zhat, H, R)               after ``residual`` has wrapped the azimuth
 
-and these five functions take one track or any stack of tracks on leading axes.  A gate is where a plot may be:
-``rectangle`` gives the half widths g sqrt(D_jj) of the box of a paper that gates coordinate by coordinate,
+and these five functions take one track or any stack of tracks on leading axes.  A gate is where a
+plot may be:
+``rectangle`` gives the half widths g sqrt(D_jj) of the box of a paper that gates coordinate by
+coordinate,
 ``rectangle_volume`` its size in m rad; an ellipse d2 = y' D**-1 y <= gamma has ``mahalanobis`` and
 ``ellipse_volume``.
 
-``two_point``, ``predict_cv``, ``gate_polar`` and ``update_polar`` are the same step compiled: for one track, in place, with
-the zeros of F and H left out, for loops over the frames of a trial.  Their specifications are
-the dense formulas above.
+``two_point``, ``predict_cv``, ``gate_polar`` and ``update_polar`` are the same step compiled: for
+one track, in place, with the zeros of F and H left out, for loops over the frames of a
+trial.  Their specifications are the dense formulas above.
 
-A radar whose plots are turned into metres first (``unbiased``) has a linear measurement of the position, with a noise that
-depends on where the target is: ``gate_tracks`` evaluates it at the predicted position of each of several tracks, and
-``predict_tracks`` and ``update_mixture`` take the same stack of tracks through a scan whose plots carry association weights.
+A radar whose plots are turned into metres first (``unbiased``) has a linear measurement of the
+position, with a noise that depends on where the target is: ``gate_tracks`` evaluates it at the
+predicted position of each of several tracks, and
+``predict_tracks`` and ``update_mixture`` take the same stack of tracks through a scan whose plots
+carry association weights.
 
-The covariance mixes metres, metres per second and ellipses a thousand times longer than wide; ``update`` therefore
-uses Joseph's form, and the compiled one symmetrises by construction.  Start a track from two plots (``two_point``): after a
-single plot with a loose velocity the prediction may be kilometres off across the line of sight, and an error e there makes the
-linearisation err in range by e**2 / 2 r, many range accuracies.  A target that flies along the line of sight is spared.
+The covariance mixes metres, metres per second and ellipses a thousand times longer than wide;
+``update`` therefore uses Joseph's form, and the compiled one symmetrises by construction.  Start a
+track from two plots (``two_point``): after a single plot with a loose velocity the prediction may
+be kilometres off across the line of sight, and an error e there makes the linearisation err in
+range by e**2 / 2 r, many range accuracies.  A target that flies along the line of sight is spared.
 """
 
 import math
@@ -80,7 +86,9 @@ def update(x, P, y, H, R):
     HP = H @ P
     K = np.swapaxes(np.linalg.solve(innovation_covariance(P, H, R), HP), -1, -2)
     A = np.eye(x.shape[-1]) - K @ H
-    return x + (K @ y[..., None])[..., 0], A @ P @ np.swapaxes(A, -1, -2) + K @ R @ np.swapaxes(K, -1, -2)
+    return x + (K @ y[..., None])[..., 0], A @ P @ np.swapaxes(A, -1, -2) + K @ R @ np.swapaxes(
+        K, -1, -2
+    )
 
 
 def mahalanobis(y, D):
@@ -104,7 +112,9 @@ def ellipse_volume(gamma, D):
 
 
 def polar_noise(z, R):
-    """Cartesian covariance (2, 2) in m^2 of a plot z = (range, azimuth) whose errors have covariance R (2, 2), to first order."""
+    """Cartesian covariance (2, 2) in m^2 of a plot z = (range, azimuth) whose errors have
+    covariance R (2, 2), to first order.
+    """
     c, s = math.cos(z[1]), math.sin(z[1])
     J = np.array([[c, -z[0] * s], [s, z[0] * c]])
     return J @ R @ J.T
@@ -114,7 +124,9 @@ def two_point_spec(z1, z2, var1, var2, T):
     """:func:`two_point` with matrices: both plots to Cartesian coordinates, then a difference."""
     p1, p2 = cartesian(z1), cartesian(z2)
     C1, C2 = polar_noise(z1, np.diag(var1)), polar_noise(z2, np.diag(var2))
-    A = np.kron(np.eye(2), [[0.0, 1.0], [-1 / T, 1 / T]])  # [p1, p2] on one axis -> [position, velocity]
+    A = np.kron(
+        np.eye(2), [[0.0, 1.0], [-1 / T, 1 / T]]
+    )  # [p1, p2] on one axis -> [position, velocity]
     both = np.zeros((4, 4))
     both[0::2, 0::2], both[1::2, 1::2] = C1, C2
     return A @ np.array([p1[0], p2[0], p1[1], p2[1]]), A @ both @ A.T
@@ -122,9 +134,11 @@ def two_point_spec(z1, z2, var1, var2, T):
 
 @kernel
 def two_point(z1, z2, var1, var2, T):
-    """Track at the time of the second of two plots T seconds apart: position from the second, velocity from the difference.
+    """Track at the time of the second of two plots T seconds apart: position from the second,
+    velocity from the difference.
 
-    Plots z1, z2 and variances var1, var2 are pairs (range in m, azimuth in rad; m^2, rad^2); returns x (4,), P (4, 4).
+    Plots z1, z2 and variances var1, var2 are pairs (range in m, azimuth in rad; m^2, rad^2);
+    returns x (4,), P (4, 4).
     """
     x, P = np.empty(4), np.zeros((4, 4))
     c1, s1, c2, s2 = math.cos(z1[1]), math.sin(z1[1]), math.cos(z2[1]), math.sin(z2[1])
@@ -138,7 +152,12 @@ def two_point(z1, z2, var1, var2, T):
         C1 = f1 * g1 * var1[0] - f * h1 * across1
         C2 = f2 * g2 * var2[0] - f * h2 * across2
         P[i, j], P[i + 1, j], P[i, j + 1], P[i + 1, j + 1] = C2, C2 / T, C2 / T, (C1 + C2) / T**2
-        P[j, i], P[j, i + 1], P[j + 1, i], P[j + 1, i + 1] = P[i, j], P[i + 1, j], P[i, j + 1], P[i + 1, j + 1]
+        P[j, i], P[j, i + 1], P[j + 1, i], P[j + 1, i + 1] = (
+            P[i, j],
+            P[i + 1, j],
+            P[i, j + 1],
+            P[i + 1, j + 1],
+        )
     return x, P
 
 
@@ -151,7 +170,9 @@ def predict_cv_spec(x, P, T, q):
 
 @kernel
 def predict_cv(x, P, T, q):
-    """Constant-velocity prediction in place: x (4,), P (4, 4), T in s, q the power density of the white acceleration in m^2/s^3."""
+    """Constant-velocity prediction in place: x (4,), P (4, 4), T in s, q the power density of the
+    white acceleration in m^2/s^3.
+    """
     x[0] += T * x[1]
     x[2] += T * x[3]
     for a in range(0, 4, 2):
@@ -178,7 +199,9 @@ def gate_polar_spec(x, P, var_r, var_a):
 
 @kernel
 def gate_polar(x, P, var_r, var_a):
-    """Predicted plot and its covariance: (range, azimuth, D_11, D_12, D_22) for plot variances var_r (m^2), var_a (rad^2)."""
+    """Predicted plot and its covariance: (range, azimuth, D_11, D_12, D_22) for plot variances
+    var_r (m^2), var_a (rad^2).
+    """
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
     D11 = c * c * P[0, 0] + 2 * c * s * P[0, 2] + s * s * P[2, 2] + var_r
@@ -194,10 +217,11 @@ def update_polar_spec(x, P, y_r, y_a, var_r, var_a):
 
 @kernel
 def update_polar(x, P, y_r, y_a, var_r, var_a):
-    """Update in place by the residual (y_r in m, y_a in rad) of a plot with variances var_r, var_a: x (4,), P (4, 4).
+    """Update in place by the residual (y_r in m, y_a in rad) of a plot with variances var_r, var_a:
+    x (4,), P (4, 4).
 
-    Range and azimuth errors are independent, so the plot is taken in as two scalar measurements, one after the other: no matrix
-    inverse, and P stays symmetric.
+    Range and azimuth errors are independent, so the plot is taken in as two scalar measurements,
+    one after the other: no matrix inverse, and P stays symmetric.
     """
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
@@ -223,9 +247,11 @@ def update_polar(x, P, y_r, y_a, var_r, var_a):
 
 
 def unbiased(z, var_a):
-    """Position (..., 2) in m of plots in range and azimuth whose azimuth variance is var_a (rad^2), without bias.
+    """Position (..., 2) in m of plots in range and azimuth whose azimuth variance is var_a (rad^2),
+    without bias.
 
-    The mean of cos(a + error) is cos(a) exp(-var_a / 2): at 45 km and 0.02 rad a plain conversion is 9 m short.
+    The mean of cos(a + error) is cos(a) exp(-var_a / 2): at 45 km and 0.02 rad a plain conversion
+    is 9 m short.
     """
     return math.exp(0.5 * var_a) * cartesian(z)
 
@@ -237,7 +263,9 @@ def predict_tracks_spec(x, P, F, Q):
 
 @kernel
 def predict_tracks(x, P, F, Q):
-    """Means (T, 4) and covariances (T, 4, 4) one scan later, each track by its own F (T, 4, 4); Q (4, 4) is common."""
+    """Means (T, 4) and covariances (T, 4, 4) one scan later, each track by its own F (T, 4, 4); Q
+    (4, 4) is common.
+    """
     T, FP = x.shape[0], np.empty((4, 4))
     mean, cov = np.zeros((T, 4)), np.empty((T, 4, 4))
     for t in range(T):
@@ -264,11 +292,12 @@ def gate_tracks_spec(x, P, var_r, var_a):
 
 @kernel
 def gate_tracks(x, P, var_r, var_a):
-    """Predicted plots of several tracks in Cartesian coordinates: zhat (T, 2), plot covariances R and D = H P H' + R (T, 2, 2).
+    """Predicted plots of several tracks in Cartesian coordinates: zhat (T, 2), plot covariances R
+    and D = H P H' + R (T, 2, 2).
 
-    ``x`` (T, 4), ``P`` (T, 4, 4) predicted, ``var_r`` in m^2, ``var_a`` in rad^2.  The noise is that of a plot at the
-    predicted position, one R for the gate, the innovation and the gain: with the noise at the plot's own position, plots that
-    happen to lie nearer would look more accurate.
+    ``x`` (T, 4), ``P`` (T, 4, 4) predicted, ``var_r`` in m^2, ``var_a`` in rad^2.  The noise is
+    that of a plot at the predicted position, one R for the gate, the innovation and the gain: with
+    the noise at the plot's own position, plots that happen to lie nearer would look more accurate.
     """
     T = x.shape[0]
     zhat, R, D = np.empty((T, 2)), np.empty((T, 2, 2)), np.empty((T, 2, 2))
@@ -292,17 +321,23 @@ def update_mixture_spec(x, P, D, z, beta):
         K = P[t][:, ::2] @ np.linalg.inv(S)
         xs = np.vstack([x[t], x[t] + (z - x[t, ::2]) @ K.T])
         mean[t] = b @ xs
-        cov[t] = P[t] - (1 - b[0]) * K @ S @ K.T + np.einsum("m,mi,mj->ij", b, xs - mean[t], xs - mean[t])
+        cov[t] = (
+            P[t]
+            - (1 - b[0]) * K @ S @ K.T
+            + np.einsum("m,mi,mj->ij", b, xs - mean[t], xs - mean[t])
+        )
     return mean, cov
 
 
 @kernel
 def update_mixture(x, P, D, z, beta):
-    """Means (T, 4) and covariances (T, 4, 4) of tracks after a scan whose plots carry association weights.
+    """Means (T, 4) and covariances (T, 4, 4) of tracks after a scan whose plots carry association
+    weights.
 
-    ``x``, ``P`` predicted, ``D`` (T, 2, 2) as :func:`gate_tracks` gives it, ``z`` (M, 2) plots in m, ``beta`` (T, M + 1)
-    weights, first that of no plot.  The mixture of the updates is replaced by its mean and covariance; as all plots share
-    one gain, the spread of the means is the spread of the weighted residuals seen through it.
+    ``x``, ``P`` predicted, ``D`` (T, 2, 2) as :func:`gate_tracks` gives it, ``z`` (M, 2) plots in
+    m, ``beta`` (T, M + 1) weights, first that of no plot.  The mixture of the updates is replaced
+    by its mean and covariance; as all plots share one gain, the spread of the means is the spread
+    of the weighted residuals seen through it.
     """
     T, K = x.shape[0], np.empty((4, 2))
     mean, cov = np.empty((T, 4)), np.empty((T, 4, 4))
@@ -314,7 +349,11 @@ def update_mixture(x, P, D, z, beta):
             y0, y1 = y0 + b * e0, y1 + b * e1
             s00, s01, s11 = s00 + b * e0 * e0, s01 + b * e0 * e1, s11 + b * e1 * e1
         hit = 1.0 - beta[t, 0]
-        s00, s01, s11 = s00 - y0 * y0 - hit * D[t, 0, 0], s01 - y0 * y1 - hit * D[t, 0, 1], s11 - y1 * y1 - hit * D[t, 1, 1]
+        s00, s01, s11 = (
+            s00 - y0 * y0 - hit * D[t, 0, 0],
+            s01 - y0 * y1 - hit * D[t, 0, 1],
+            s11 - y1 * y1 - hit * D[t, 1, 1],
+        )
         for i in range(4):
             K[i, 0] = (P[t, i, 0] * D[t, 1, 1] - P[t, i, 2] * D[t, 0, 1]) / det
             K[i, 1] = (P[t, i, 2] * D[t, 0, 0] - P[t, i, 0] * D[t, 0, 1]) / det
@@ -327,10 +366,12 @@ def update_mixture(x, P, D, z, beta):
 
 
 def position_bound(F, R, P, p_detect):
-    """Posterior Cramer-Rao bound (K, T, 4, 4) of tracks whose positions are seen with probability p_detect in each scan.
+    """Posterior Cramer-Rao bound (K, T, 4, 4) of tracks whose positions are seen with probability
+    p_detect in each scan.
 
-    ``F`` (K - 1, T, 4, 4) known transitions without process noise, ``R`` (K, T, 2, 2) plot covariances at the true positions, ``P``
-    (T, 4, 4) covariance of the first state, whose scan is not measured.  J_k = (F J_{k-1}^-1 F')^-1 + p_detect H' R_k^-1 H.
+    ``F`` (K - 1, T, 4, 4) known transitions without process noise, ``R`` (K, T, 2, 2) plot
+    covariances at the true positions, ``P`` (T, 4, 4) covariance of the first state, whose scan is
+    not measured.  J_k = (F J_{k-1}^-1 F')^-1 + p_detect H' R_k^-1 H.
     """
     bounds = [P]
     for step, noise in zip(F, R[1:], strict=True):

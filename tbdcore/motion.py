@@ -1,26 +1,30 @@
 """Motion: how a target gets from one frame to the next.
 
-A state is [x, vx, y, vy], positions and velocities interleaved, or [x, vx, y, vy, omega] where a turn rate is carried along.
-Positions are in the notebook's own unit (metres, or cells of an image), T is the time between two frames in seconds,
-turn rates are in radians per second, positive from +x towards +y.
+A state is [x, vx, y, vy], positions and velocities interleaved, or [x, vx, y, vy, omega] where a
+turn rate is carried along. Positions are in the notebook's own unit (metres, or cells of an image),
+T is the time between two frames in seconds, turn rates are in radians per second, positive from +x
+towards +y.
 
-**Straight and white.**  A target of constant velocity moves by ``F = cv(T)``, and its deviations from a straight line are
-accelerations, constant during one step, independent from step to step.
+**Straight and white.**  A target of constant velocity moves by ``F = cv(T)``, and its deviations
+from a straight line are accelerations, constant during one step, independent from step to step.
 
-**Turning.**  Between two frames the velocity turns by the angle omega T and the target moves along the arc.  Its
-matrix is usually printed with sin(omega T) / omega and (1 - cos(omega T)) / omega, which a computer cannot
-evaluate at omega = 0 and evaluates badly near it.  With h = omega T / 2 and f = T sin(h) / h the same two entries are
+**Turning.**  Between two frames the velocity turns by the angle omega T and the target moves along
+the arc.  Its matrix is usually printed with sin(omega T) / omega and (1 - cos(omega T)) / omega,
+which a computer cannot evaluate at omega = 0 and evaluates badly near it.  With h = omega T / 2 and
+f = T sin(h) / h the same two entries are
 
     sin(omega T) / omega = f cos(h),        (1 - cos(omega T)) / omega = f sin(h),
 
-that is: the chord f, turned by half the angle.  f tends to T, so ``coordinated_turn(0, T)`` is exactly the matrix of a
-straight line.
+that is: the chord f, turned by half the angle.  f tends to T, so ``coordinated_turn(0, T)`` is
+exactly the matrix of a straight line.
 
-**Regimes.**  Whether there is a target and which law it follows is a Markov chain over a few regimes, one row of ``Pi`` per
-regime it comes from.  ``transition`` moves many particles in one pass, first the regime, by one uniform draw each, then the
-state by that regime: 0 absent (the state has no meaning and is left alone), 1 constant velocity, 2 coordinated turn with the
-particle's own turn rate.  It takes the draws as arrays and is a function of numbers, and it returns the list of those that
-came alive.  ``box_states`` makes states from draws where the law of a birth is a box in position and velocity.
+**Regimes.**  Whether there is a target and which law it follows is a Markov chain over a few
+regimes, one row of ``Pi`` per regime it comes from.  ``transition`` moves many particles in one
+pass, first the regime, by one uniform draw each, then the state by that regime: 0 absent (the state
+has no meaning and is left alone), 1 constant velocity, 2 coordinated turn with the particle's own
+turn rate.  It takes the draws as arrays and is a function of numbers, and it returns the list of
+those that came alive.  ``box_states`` makes states from draws where the law of a birth is a box in
+position and velocity.
 
 Not here: where new targets are born (the notebooks), what is measured (``sensor``, ``kalman``).
 """
@@ -31,7 +35,8 @@ import numpy as np
 
 from tbdcore import kernel
 
-# Straight and white ----------------------------------------------------------------------------------------------------
+# Straight and white -------------------------------------------------------------------------------
+# ---------------------
 
 
 def cv(T):
@@ -40,21 +45,28 @@ def cv(T):
 
 
 def white_acceleration(T, q):
-    """Covariance (4, 4) of T seconds of white acceleration with power density q, in m^2/s^3, on each axis."""
+    """Covariance (4, 4) of T seconds of white acceleration with power density q, in m^2/s^3, on
+    each axis.
+    """
     return q * np.kron(np.eye(2), np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]]))
 
 
 def step_acceleration(T, a):
-    """Covariance (4, 4) of an acceleration of standard deviation a, in m/s^2, that is constant during the T seconds."""
+    """Covariance (4, 4) of an acceleration of standard deviation a, in m/s^2, that is constant
+    during the T seconds.
+    """
     g = np.array([T**2 / 2, T])
     return a**2 * np.kron(np.eye(2), np.outer(g, g))
 
 
-# Coordinated turn ------------------------------------------------------------------------------------------------------
+# Coordinated turn ---------------------------------------------------------------------------------
+# ---------------------
 
 
 def coordinated_turn(omega, T):
-    """Transition matrix (4, 4) of a turn at omega rad/s for T seconds, state [x, vx, y, vy]; exact at omega = 0."""
+    """Transition matrix (4, 4) of a turn at omega rad/s for T seconds, state [x, vx, y, vy]; exact
+    at omega = 0.
+    """
     h = 0.5 * omega * T
     f = T * math.sin(h) / h if h else T
     a, b = f * math.cos(h), f * math.sin(h)
@@ -62,17 +74,26 @@ def coordinated_turn(omega, T):
     return np.array([[1.0, a, 0.0, -b], [0.0, c, 0.0, -s], [0.0, b, 1.0, a], [0.0, s, 0.0, c]])
 
 
-# Regimes ---------------------------------------------------------------------------------------------------------------
+# Regimes ------------------------------------------------------------------------------------------
+# ---------------------
 
 
 def check_transitions(Pi):
-    """Pi as a float array, after checking that it is a square matrix of probabilities whose rows sum to one."""
+    """Pi as a float array, after checking that it is a square matrix of probabilities whose rows
+    sum to one.
+    """
     Pi = np.asarray(Pi, float)
     if Pi.ndim != 2 or Pi.shape[0] != Pi.shape[1]:
-        raise ValueError(f"transition matrix: shape {Pi.shape} is not square; give one row and one column per regime")
+        raise ValueError(
+            f"transition matrix: shape {Pi.shape} is not square; "
+            f"give one row and one column per regime"
+        )
     for a, row in enumerate(Pi):
         if not (row >= 0).all() or abs(row.sum() - 1.0) > 1e-9:
-            raise ValueError(f"transition matrix: row {a} is {row.tolist()}, not probabilities that sum to 1; correct it")
+            raise ValueError(
+                f"transition matrix: row {a} is {row.tolist()}, not probabilities that sum to 1; "
+                f"correct it"
+            )
     return Pi
 
 
@@ -94,8 +115,8 @@ def box_states_spec(u, low, width, omegas):
 def box_states(u, low, width, omegas):
     """States (n, 5) = [x, vx, y, vy, omega] of a uniform law, from uniform draws u (5, n).
 
-    low, width : (4,) edge and width of the box of positions and velocities; omegas : (2, 2) intervals of the turn rate, hit in
-    proportion to their lengths.
+    low, width : (4,) edge and width of the box of positions and velocities; omegas : (2, 2)
+        intervals of the turn rate, hit in proportion to their lengths.
     """
     S, both = np.empty((u.shape[1], 5)), omegas[0, 1] - omegas[0, 0] + omegas[1, 1] - omegas[1, 0]
     for n in range(len(S)):
@@ -106,7 +127,9 @@ def box_states(u, low, width, omegas):
 
 
 def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
-    """Specification of :func:`transition`: a choice by the cumulative row, an interval by its length, a matrix per particle."""
+    """Specification of :func:`transition`: a choice by the cumulative row, an interval by its
+    length, a matrix per particle.
+    """
     after, born = np.zeros_like(r), []
     for n, before in enumerate(r):
         ends = np.concatenate([[0.0], np.cumsum(Pi[before])])
@@ -125,15 +148,19 @@ def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
 
 @kernel
 def transition(r, S, Pi, T, u, a, omegas, redraw):
-    """One frame of the chain and of the motion: regimes (N,) afterwards, who is born (B,), and the states, moved **in place**.
+    """One frame of the chain and of the motion: regimes (N,) afterwards, who is born (B,), and the
+    states, moved **in place**.
 
-    r : (N,) int64 regimes, 0 absent, 1 constant velocity, 2 coordinated turn; S : (N, 5) states [x, vx, y, vy, omega].
+    r : (N,) int64 regimes, 0 absent, 1 constant velocity, 2 coordinated turn; S : (N, 5) states [x,
+        vx, y, vy, omega].
     Pi : (3, 3) transition probabilities, rows from; T : s.
-    u : (N,) uniform draws in [0, 1), one for each regime; a : (N, 2) accelerations, constant during the step.
-    omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2; (0, 2): it keeps the one it has.
-        The draw that chose the turn serves once more: within the share of [0, 1) that means "turn" it is uniform again.
-    redraw : what comes alive is not moved: its state is the caller's to draw.  If False it goes on from the state it has, and
-        the list of the born is empty.
+    u : (N,) uniform draws in [0, 1), one for each regime; a : (N, 2) accelerations, constant during
+        the step.
+    omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2; (0, 2): it
+        keeps the one it has. The draw that chose the turn serves once more: within the share of [0,
+        1) that means "turn" it is uniform again.
+    redraw : what comes alive is not moved: its state is the caller's to draw.  If False it goes on
+        from the state it has, and the list of the born is empty.
     """
     after, born, b = np.empty_like(r), np.empty(r.size, np.int64), 0
     first, second, both = Pi[:, 0].copy(), Pi[:, 0] + Pi[:, 1], (omegas[:, 1] - omegas[:, 0]).sum()

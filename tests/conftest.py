@@ -10,7 +10,9 @@ from tbdcore.repro import paths
 
 @pytest.fixture
 def repository(tmp_path, monkeypatch):
-    """The folder of a small repository, to which every path in `tbdcore.repro.paths` points in this process."""
+    """The folder of a small repository, to which every path in `tbdcore.repro.paths` points in this
+    process.
+    """
     folder = tmp_path / "repository"
     folder.mkdir()
     tiny.repository(folder)

@@ -1,4 +1,6 @@
-"""A few trials of every paper, by the algorithm cells of its notebook: simulate, run, return everything that comes out."""
+"""A few trials of every paper, by the algorithm cells of its notebook: simulate, run, return
+everything that comes out.
+"""
 
 from dataclasses import replace
 
@@ -12,7 +14,10 @@ SEED = 7
 
 
 def streams(paper, seed, i):
-    return (trials.generator(seed, paper, "determinism", i, purpose) for purpose in ("truth", "noise", "filter"))
+    return (
+        trials.generator(seed, paper, "determinism", i, purpose)
+        for purpose in ("truth", "noise", "filter")
+    )
 
 
 def dp_tbd(seed, i):
@@ -28,7 +33,9 @@ def dp_tbd(seed, i):
 def mm_pf_tbd(seed, i):
     """Every curve of the proposed filter."""
     page, (_, noise, choice) = tbdcore.page("mm_pf_tbd"), streams("mm_pf_tbd", seed, i)
-    return numbers(page.run(page.simulate(page.Scene(), noise), page.Params(M=500, M_new=500), choice))
+    return numbers(
+        page.run(page.simulate(page.Scene(), noise), page.Params(M=500, M_new=500), choice)
+    )
 
 
 def mda_tbd(seed, i):
@@ -39,7 +46,9 @@ def mda_tbd(seed, i):
 
 
 def track_cfar(seed, i):
-    """A flight by the compiled recursion, and the tracks of the page's own functions among 40 false plots a frame."""
+    """A flight by the compiled recursion, and the tracks of the page's own functions among 40 false
+    plots a frame.
+    """
     page, (_, noise, choice) = tbdcore.page("track_cfar"), streams("track_cfar", seed, i)
     p = page.Scenario()
     z = page.truth(p)
@@ -49,16 +58,28 @@ def track_cfar(seed, i):
     plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
     target = np.column_stack([plots, np.append([np.inf, np.inf], scene.lam)])[:, None]
     power = choice.standard_exponential((p.frames, 40, 1))
-    scans = [*target[:2], *np.concatenate([target[2:], np.concatenate([false, power], axis=-1)], axis=1)]
+    scans = [
+        *target[:2],
+        *np.concatenate([target[2:], np.concatenate([false, power], axis=-1)], axis=1),
+    ]
     tracks = page.run(scans[:32], replace(p, miss_limit=40))
-    return float(died), hit, np.nan_to_num(eta), np.array([t.x for t in tracks]), np.array([t.P for t in tracks])
+    return (
+        float(died),
+        hit,
+        np.nan_to_num(eta),
+        np.array([t.x for t in tracks]),
+        np.array([t.P for t in tracks]),
+    )
 
 
 def ljipda_ai(seed, i):
     """States and existences of the three tracks, for every way of association."""
     page, p = tbdcore.page("ljipda_ai"), tbdcore.page("ljipda_ai").Scenario()
     plots = page.simulate(p, next(streams("ljipda_ai", seed, i)))
-    found = [page.run(plots, p, list(streams("ljipda_ai", seed, i))[2], method) for method in page.METHODS]
+    found = [
+        page.run(plots, p, list(streams("ljipda_ai", seed, i))[2], method)
+        for method in page.METHODS
+    ]
     return tuple(map(np.array, zip(*found, strict=True)))
 
 

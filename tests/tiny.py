@@ -1,6 +1,8 @@
-"""A repository with one small notebook and a copy of the package, for tests that execute, interrupt and resume.
+"""A repository with one small notebook and a copy of the package, for tests that execute, interrupt
+and resume.
 
-Each copy is a folder of its own: nothing that happens there can touch the real notebooks, figures or build folder.
+Each copy is a folder of its own: nothing that happens there can touch the real notebooks, figures
+or build folder.
 """
 
 import json
@@ -57,11 +59,20 @@ figures.table(pd.DataFrame({"draw": x[:3]}), "table1", caption="Three draws.", c
 def notebook(cells):
     """A notebook with these cells, their names as tags."""
     code = [
-        {"cell_type": "code", "execution_count": None, "id": name, "metadata": {"tags": [name]}, "outputs": [], "source": source}
+        {
+            "cell_type": "code",
+            "execution_count": None,
+            "id": name,
+            "metadata": {"tags": [name]},
+            "outputs": [],
+            "source": source,
+        }
         for name, source in cells.items()
     ]
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    return json.dumps({"cells": code, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5})
+    return json.dumps(
+        {"cells": code, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
+    )
 
 
 def copy_package(folder):
@@ -73,7 +84,9 @@ def repository(folder):
     """The small repository in a folder; returns a function that runs ``tbdcore`` there."""
     copy_package(folder)
     write(folder)
-    return lambda *words: subprocess.run(command(*words), cwd=folder, env=environment(folder), capture_output=True, text=True)
+    return lambda *words: subprocess.run(
+        command(*words), cwd=folder, env=environment(folder), capture_output=True, text=True
+    )
 
 
 def write(folder):
@@ -89,10 +102,23 @@ def write(folder):
 
 
 def here(folder, monkeypatch):
-    """The small repository as that of this process; returns a function that runs its notebook's cells with given parameters."""
+    """The small repository as that of this process; returns a function that runs its notebook's
+    cells with given parameters.
+    """
     write(folder)
-    places = {"ROOT": "", "NOTEBOOKS": "notebooks", "DATA": "data", "CLAIMS": "data/claims", "LONGER": "data/longer"}
-    places |= {"LOCK": "environment.txt", "README": "README.md", "CITATION": "CITATION.cff", "BUILD": "build"}
+    places = {
+        "ROOT": "",
+        "NOTEBOOKS": "notebooks",
+        "DATA": "data",
+        "CLAIMS": "data/claims",
+        "LONGER": "data/longer",
+    }
+    places |= {
+        "LOCK": "environment.txt",
+        "README": "README.md",
+        "CITATION": "CITATION.cff",
+        "BUILD": "build",
+    }
     for name, place in places.items():
         monkeypatch.setattr(paths, name, folder / place)
     monkeypatch.setenv("TBDCORE_FIGURES", str(folder / "figures"))

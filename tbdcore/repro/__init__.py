@@ -1,4 +1,5 @@
-"""The harness around the notebooks: what turns a page into products that can be checked, cited and made again.
+"""The harness around the notebooks: what turns a page into products that can be checked, cited and
+made again.
 
 ``paths``    where the repository is            ``pages``   notebooks as objects: parameters, algorithm, execution
 ``trials``   Monte Carlo over processes          ``batch``   runs and sweeps

@@ -1,14 +1,19 @@
-"""Runs: one notebook with its time, its verdicts and its processes looked after; one notebook over a list of values.
+"""Runs: one notebook with its time, its verdicts and its processes looked after; one notebook over
+a list of values.
 
-``run`` executes a notebook and returns a :class:`Result`.  How long a paper took with the same parameters the last time is kept in
-``build/seconds``, so that the next run can say what to expect.  With ``resume`` a paper is skipped when its folder holds every
-product, made from the present sources with these parameters and these package versions.
+``run`` executes a notebook and returns a :class:`Result`.  How long a paper took with the same
+parameters the last time is kept in
+``build/seconds``, so that the next run can say what to expect.  With ``resume`` a paper is skipped
+when its folder holds every product, made from the present sources with these parameters and these
+package versions.
 
-``sweep`` runs a notebook for each value of one parameter and keeps one tidy table, a row for each value and claim.
+``sweep`` runs a notebook for each value of one parameter and keeps one tidy table, a row for each
+value and claim.
 
-An interrupted run (Ctrl-C, a batch system's SIGTERM, a terminal that is closed) leaves the old products, no half-written file
-and no process.  papermill works in a thread for that reason: in the main thread it would take the signal for itself, stop the
-kernel, and forget the worker processes that the kernel had started.
+An interrupted run (Ctrl-C, a batch system's SIGTERM, a terminal that is closed) leaves the old
+products, no half-written file and no process.  papermill works in a thread for that reason: in the
+main thread it would take the signal for itself, stop the kernel, and forget the worker processes
+that the kernel had started.
 """
 
 import contextlib
@@ -29,7 +34,8 @@ import psutil
 from tbdcore.repro import claims, figures, pages, paths
 
 GOOD, FAILED, INTERRUPTED = 0, 1, 130
-TRACKER = "ignore::UserWarning:loky.backend.resource_tracker"  # it cleans up after killed workers, and says so
+# it cleans up after killed workers, and says so
+TRACKER = "ignore::UserWarning:loky.backend.resource_tracker"
 TICK = 1.0  # seconds between two looks at a run
 PATIENCE = 5.0  # seconds that a process has to end before it is killed
 
@@ -70,13 +76,23 @@ def run(paper, values, output, *, say=print, resume=False):
     folder = Path(values.get("out") or paths.figures())
     result = Result(paper, 0.0, {}, str(folder / paper), str(output))
     if resume and done(paper, values, folder):
-        result = result._replace(verdicts=counts(folder / paper), skipped=True, notebook=str(output) if output.is_file() else "")
-        say(f"{paper}: skipped, its products have these sources and parameters ({summary(result.verdicts)})")
+        result = result._replace(
+            verdicts=counts(folder / paper),
+            skipped=True,
+            notebook=str(output) if output.is_file() else "",
+        )
+        say(
+            f"{paper}: skipped, its products have these sources and parameters "
+            f"({summary(result.verdicts)})"
+        )
         return result
     expected, start = _expected(paper, values), time.monotonic()
     say(f"{paper}: running" + (f", {expected:.0f} s the last time" if expected else ""))
     try:
-        _watched(lambda: pages.execute(paper, values, output), lambda: _show(paper, time.monotonic() - start, expected))
+        _watched(
+            lambda: pages.execute(paper, values, output),
+            lambda: _show(paper, time.monotonic() - start, expected),
+        )
     except RuntimeError as error:
         seconds, failed = round(time.monotonic() - start, 1), str(pages.failed_at(output))
         return result._replace(seconds=seconds, notebook=failed, status=FAILED, error=str(error))
@@ -84,7 +100,11 @@ def run(paper, values, output, *, say=print, resume=False):
     figures.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
     result = result._replace(seconds=seconds, verdicts=counts(folder / paper))
     took = f"{seconds:.0f} s" + (f", expected {expected:.0f} s" if expected else "")
-    judged = f"{sum(result.verdicts.values())} claims ({summary(result.verdicts)})" if result.verdicts else "done"
+    judged = (
+        f"{sum(result.verdicts.values())} claims ({summary(result.verdicts)})"
+        if result.verdicts
+        else "done"
+    )
     say(f"{paper}: {judged}; {took}")
     return result
 
@@ -92,37 +112,59 @@ def run(paper, values, output, *, say=print, resume=False):
 def sweep(paper, name, runs, folder, *, say=print, resume=False):
     """Run a notebook once for each value of a parameter; yields (Result, table so far).
 
-    `runs` is a list of (value, parameters).  The products of a value go to ``folder/<name>=<value>/``; after each value
-    ``folder/<name>.csv`` holds the verdicts of all values so far: value, claim, published, measured, se, n, verdict.
+    `runs` is a list of (value, parameters).  The products of a value go to
+    ``folder/<name>=<value>/``; after each value
+    ``folder/<name>.csv`` holds the verdicts of all values so far: value, claim, published,
+    measured, se, n, verdict.
     """
     tables = []
     for value, values in runs:
         place = folder / f"{name}={value}"
         say(f"{name} = {value}")
-        result = run(paper, values | {"out": str(place)}, place / pages.path(paper).name, say=say, resume=resume)
+        result = run(
+            paper,
+            values | {"out": str(place)},
+            place / pages.path(paper).name,
+            say=say,
+            resume=resume,
+        )
         if result.status == GOOD:
             table = claims.verdicts(paper, place).rename(columns={"id": "claim"})
             table.insert(0, "value", value)
             tables.append(table[["value", "claim", "published", "measured", "se", "n", "verdict"]])
-            figures.write(folder, {f"{name}.csv": figures._csv(pd.concat(tables, ignore_index=True))})
+            figures.write(
+                folder, {f"{name}.csv": figures._csv(pd.concat(tables, ignore_index=True))}
+            )
         yield result
 
 
 def done(paper, values, folder):
-    """Whether a folder holds every product of a paper, made from the present sources with these parameters and versions."""
-    now = {"sources": pages.sources(paper), "parameters": _settings(paper, values), "versions": figures.versions()}
+    """Whether a folder holds every product of a paper, made from the present sources with these
+    parameters and versions.
+    """
+    now = {
+        "sources": pages.sources(paper),
+        "parameters": _settings(paper, values),
+        "versions": figures.versions(),
+    }
     made = [figures.record(file) for file in (folder / paper).glob("*.json")]
     same = all(about.get(key) == value for about in made for key, value in now.items())
     present = {file.name for file in (folder / paper).glob("*")}
     judged = {"verdicts.csv"} if paper in claims.papers() else set()
-    return bool(made) and same and judged.union(*(about.get("files", ("?",)) for about in made)) <= present
+    return (
+        bool(made)
+        and same
+        and judged.union(*(about.get("files", ("?",)) for about in made)) <= present
+    )
 
 
 def counts(folder):
     """How many of each verdict a folder's verdicts.csv has; none without one, as for the index."""
     if not (folder / "verdicts.csv").is_file():
         return {}
-    found = pd.read_csv(folder / "verdicts.csv", dtype=str, keep_default_na=False)["verdict"].value_counts()
+    found = pd.read_csv(folder / "verdicts.csv", dtype=str, keep_default_na=False)[
+        "verdict"
+    ].value_counts()
     return {verdict: int(found[verdict]) for verdict in claims.VERDICTS if verdict in found}
 
 
@@ -134,13 +176,19 @@ def summary(verdicts):
 def _settings(paper, values):
     """All parameters that can change a result, as they are read back from JSON."""
     known = pages.parameters(paper)
-    full = {name: values.get(name, parameter.default) for name, parameter in known.items() if name not in pages.PLUMBING}
+    full = {
+        name: values.get(name, parameter.default)
+        for name, parameter in known.items()
+        if name not in pages.PLUMBING
+    }
     return json.loads(json.dumps(full))
 
 
 def _key(paper, values):
     """File that keeps the time of a run."""
-    return f"{paper}_{figures.digest([json.dumps(_settings(paper, values), sort_keys=True).encode()])}"
+    return (
+        f"{paper}_{figures.digest([json.dumps(_settings(paper, values), sort_keys=True).encode()])}"
+    )
 
 
 def _expected(paper, values):
@@ -184,7 +232,10 @@ def _terminable():
     """A request to end (SIGTERM), or the end of the terminal (SIGHUP), is a Ctrl-C."""
     before = {}
     with contextlib.suppress(ValueError):  # not the main thread
-        before = {number: signal.signal(number, signal.default_int_handler) for number in figures.ENDING[1:]}
+        before = {
+            number: signal.signal(number, signal.default_int_handler)
+            for number in figures.ENDING[1:]
+        }
     try:
         yield
     finally:

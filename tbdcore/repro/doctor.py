@@ -1,8 +1,10 @@
-"""Whether this machine can reproduce the papers: a list of checks, each a line that says what is good or what to do.
+"""Whether this machine can reproduce the papers: a list of checks, each a line that says what is
+good or what to do.
 
-A check is a function that returns what it found, or raises :class:`Fault` with what is wrong and what to do.  The last one is a
-self-test with known answers, in a few seconds: the first output of a random stream, a closed form through a compiled kernel, and a
-Monte Carlo run whose bits must be the same for one process and for two.
+A check is a function that returns what it found, or raises :class:`Fault` with what is wrong and
+what to do.  The last one is a self-test with known answers, in a few seconds: the first output of a
+random stream, a closed form through a compiled kernel, and a Monte Carlo run whose bits must be the
+same for one process and for two.
 """
 
 import os
@@ -30,22 +32,36 @@ def examine():
             yield True, f"{check.__name__}: {check()}"
         except Fault as fault:
             yield False, f"{check.__name__}: {fault}"
-        except Exception as error:  # the check itself cannot be made: that is a fault of the environment too
-            yield False, f"{check.__name__}: {type(error).__name__}: {' '.join(str(error).split())}; {INSTALL}"
+        except (
+            Exception
+        ) as error:  # the check itself cannot be made: that is a fault of the environment too
+            yield (
+                False,
+                f"{check.__name__}: {type(error).__name__}: {' '.join(str(error).split())}; "
+                f"{INSTALL}",
+            )
 
 
 def locked(text):
     """Versions by distribution that a lock has for this Python and machine."""
     from packaging.markers import Marker
 
-    return {name: version for name, version, marker in LOCKED.findall(text) if not marker or Marker(marker).evaluate()}
+    return {
+        name: version
+        for name, version, marker in LOCKED.findall(text)
+        if not marker or Marker(marker).evaluate()
+    }
 
 
 def versions():
     """Every distribution against the lock."""
     wanted = locked(paths.LOCK.read_text(encoding="utf-8"))
     have = {name: _version(name) for name in wanted}
-    wrong = [f"{name} is {have[name] or 'missing'}, the lock has {wanted[name]}" for name in wanted if have[name] != wanted[name]]
+    wrong = [
+        f"{name} is {have[name] or 'missing'}, the lock has {wanted[name]}"
+        for name in wanted
+        if have[name] != wanted[name]
+    ]
     if wrong:
         more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
         raise Fault(f"{', '.join(wrong[:3])}{more}; {INSTALL}")
@@ -84,10 +100,18 @@ def folders():
     """The folders that runs write into."""
     from jupyter_core.paths import jupyter_runtime_dir
 
-    places = [paths.figures(), paths.BUILD, Path(jupyter_runtime_dir()), Path(tempfile.gettempdir())]
+    places = [
+        paths.figures(),
+        paths.BUILD,
+        Path(jupyter_runtime_dir()),
+        Path(tempfile.gettempdir()),
+    ]
     for place in places:
         if not _writable(place):
-            raise Fault(f"{place} cannot be written; change its permissions, or give runs another folder: tbdcore run --out DIR")
+            raise Fault(
+                f"{place} cannot be written; change its permissions, or give runs another folder: "
+                f"tbdcore run --out DIR"
+            )
     return f"{', '.join(map(str, places))} can be written"
 
 
@@ -125,9 +149,14 @@ def answers():
     first = int(_stream(20, 0).bit_generator.random_raw())
     if first != STREAM:
         raise Fault(f"a random stream begins with {first:#x} instead of {STREAM:#x}; {INSTALL}")
-    _, P = kalman.predict_cv(np.zeros(4), np.zeros((4, 4)), 2.0, 3.0)  # covariance of white acceleration: q T^3/3, q T^2/2, q T
+    _, P = kalman.predict_cv(
+        np.zeros(4), np.zeros((4, 4)), 2.0, 3.0
+    )  # covariance of white acceleration: q T^3/3, q T^2/2, q T
     if not np.array_equal(P[:2, :2], [[8.0, 6.0], [6.0, 6.0]]) or P[:2, 2:].any():
-        raise Fault(f"a compiled kernel gives {P[:2, :2].tolist()} instead of [[8, 6], [6, 6]]; remove {paths.PACKAGE}/__pycache__")
+        raise Fault(
+            f"a compiled kernel gives {P[:2, :2].tolist()} instead of [[8, 6], [6, 6]]; "
+            f"remove {paths.PACKAGE}/__pycache__"
+        )
     one, two = (trials.run(_draw, 64, seed=20, workers=workers) for workers in (1, 2))
     if one.tobytes() != two.tobytes():
         raise Fault(f"one process and two give different numbers; {INSTALL}")

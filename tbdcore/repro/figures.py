@@ -1,20 +1,23 @@
-"""Figures and tables as products that can be cited: drawn in one style, saved with their data and their provenance.
+"""Figures and tables as products that can be cited: drawn in one style, saved with their data and
+their provenance.
 
-A product is a set of files with one name, ``<paper>/<figure's own number>``: a figure as PDF, SVG and PNG, a CSV of
-everything that is drawn, and a JSON that says what made it (caption, parameters, seed, trials, claims it shows, a
-hash of the sources, package versions); a table as CSV, Markdown, LaTeX and JSON.  The same run gives the same bytes:
-no dates, a fixed salt for SVG identifiers, data written with as many digits as are certain on any CPU.  The id, the
-hash of the sources and the command that made it are embedded in each PDF, SVG and PNG, so that a file found in a report can be
+A product is a set of files with one name, ``<paper>/<figure's own number>``: a figure as PDF, SVG
+and PNG, a CSV of everything that is drawn, and a JSON that says what made it (caption, parameters,
+seed, trials, claims it shows, a hash of the sources, package versions); a table as CSV, Markdown,
+LaTeX and JSON.  The same run gives the same bytes: no dates, a fixed salt for SVG identifiers, data
+written with as many digits as are certain on any CPU.  The id, the hash of the sources and the
+command that made it are embedded in each PDF, SVG and PNG, so that a file found in a report can be
 traced back (``EMBEDDED``; ``tbdcore which`` reads them).
 
-A notebook's ``Portfolio`` keeps its products in memory.  ``publish``, the notebook's last call, writes them all, each
-beside its place and then renamed, after the ledger of claims has been found complete; products of an earlier run that this
-one no longer makes are removed.  A run that fails or is interrupted leaves the old products as they were.  A page shows the
-PNG only; with an ``artist``, a process of its own, the PDF and the SVG are drawn while the page goes on, and are the same bytes.
+A notebook's ``Portfolio`` keeps its products in memory.  ``publish``, the notebook's last call,
+writes them all, each beside its place and then renamed, after the ledger of claims has been found
+complete; products of an earlier run that this one no longer makes are removed.  A run that fails or
+is interrupted leaves the old products as they were.  A page shows the PNG only; with an ``artist``,
+a process of its own, the PDF and the SVG are drawn while the page goes on, and are the same bytes.
 
-This is the only module that imports matplotlib.  ``COLOURS`` gives each algorithm one colour for the whole repository
-(Okabe and Ito's palette, which the colour-blind can tell apart); ``LINES`` gives it a line style, for print without
-colour.
+This is the only module that imports matplotlib.  ``COLOURS`` gives each algorithm one colour for
+the whole repository (Okabe and Ito's palette, which the colour-blind can tell apart); ``LINES``
+gives it a line style, for print without colour.
 """
 
 import contextlib
@@ -87,15 +90,27 @@ COLOURS = {  # an algorithm keeps its colour through the whole repository
     "literal": SKY,
     "exact_ai": PURPLE,
 }
-LINES = {"reference": "--", "exact": ":", "traditional": "-.", "truth": "--", "conventional": "-.", "tonissen": "--"}
-EMBEDDED = {  # where each format keeps the id, the hash of the sources and the command that made the picture
+LINES = {
+    "reference": "--",
+    "exact": ":",
+    "traditional": "-.",
+    "truth": "--",
+    "conventional": "-.",
+    "tonissen": "--",
+}
+# where each format keeps the id, the hash of the sources and the command that made the picture
+EMBEDDED = {
     "pdf": ("Title", "Subject", "Keywords"),
     "svg": ("Title", "Source", "Description"),
     "png": ("Title", "Source", "Comment"),
 }
 SHOWN, APART = ("png",), ("pdf", "svg")  # what a page shows, and what an artist draws
 CANVASES = {"pdf": FigureCanvasPdf, "svg": FigureCanvasSVG, "png": FigureCanvasAgg}
-ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))  # what asks a run to end
+ENDING = (
+    signal.SIGINT,
+    signal.SIGTERM,
+    *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []),
+)  # what asks a run to end
 DONE = "done"  # what an artist is told when there is nothing more to draw
 NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
@@ -124,15 +139,21 @@ class Portfolio:
     provenance : dict
         What made them: parameters, seed, trials, hash of the sources, the command.
     studio : callable, optional
-        :func:`artist`, asked for one when the first figure is saved, who draws what the page does not show while the page
-        goes on.  Without a studio everything is drawn at once.
+        :func:`artist`, asked for one when the first figure is saved, who draws what the page does
+        not show while the page goes on.  Without a studio everything is drawn at once.
     """
 
     colour = COLOURS
     line = LINES
 
     def __init__(self, paper, folder, provenance, studio=None):
-        self.paper, self.folder, self.provenance, self.studio, self.artist = paper, folder, provenance, studio, None
+        self.paper, self.folder, self.provenance, self.studio, self.artist = (
+            paper,
+            folder,
+            provenance,
+            studio,
+            None,
+        )
         self.files, self.drawn, self.post = {}, {}, ThreadPoolExecutor(1)
         matplotlib.rcParams.update(STYLE)
 
@@ -143,7 +164,8 @@ class Portfolio:
     def band(self, ax, x, mean, se=None, name="reference", label=None, **style):
         """A curve, with its 99 % Monte Carlo band where a standard error is given; NaNs are gaps.
 
-        `name` chooses colour and line style; what is drawn is remembered for the figure's CSV under `label`.
+        `name` chooses colour and line style; what is drawn is remembered for the figure's CSV under
+        `label`.
         """
         style = {"color": COLOURS[name], "ls": LINES.get(name, "-")} | style
         mean = np.asarray(mean, float)
@@ -156,7 +178,21 @@ class Portfolio:
 
     def marks(self, ax, x, y, name="paper", label=None, **style):
         """Points without a curve, by default what the paper prints; remembered like a band."""
-        ax.plot(x, y, **({"ls": "none", "marker": "x", "ms": 8, "mew": 2, "color": COLOURS[name], "label": label or name} | style))
+        ax.plot(
+            x,
+            y,
+            **(
+                {
+                    "ls": "none",
+                    "marker": "x",
+                    "ms": 8,
+                    "mew": 2,
+                    "color": COLOURS[name],
+                    "label": label or name,
+                }
+                | style
+            ),
+        )
         self._remember(ax, label or name, x, y)
 
     def _remember(self, ax, series, x, y, se=None):
@@ -166,7 +202,9 @@ class Portfolio:
         self.drawn.setdefault(ax.figure, []).append((ax, pd.DataFrame(columns)))
 
     def _data(self, fig):
-        """Everything that `band` and `marks` drew on a figure, in long form; a column of panel numbers if it has several."""
+        """Everything that `band` and `marks` drew on a figure, in long form; a column of panel
+        numbers if it has several.
+        """
         drawn = self.drawn.pop(fig, [])
         if not drawn:
             return None
@@ -178,9 +216,9 @@ class Portfolio:
     def save(self, fig, name, data=None, caption="", claims=()):
         """Keep a figure as ``<paper>/<name>``; returns a Product that displays it.
 
-        `data` is a DataFrame of everything drawn; without one it is what `band` and `marks` drew (nothing, in a
-        schematic).  `claims` are the ids of the claims the figure shows. Raises ValueError for a name that was used
-        before, or a missing caption.
+        `data` is a DataFrame of everything drawn; without one it is what `band` and `marks` drew
+        (nothing, in a schematic).  `claims` are the ids of the claims the figure shows. Raises
+        ValueError for a name that was used before, or a missing caption.
         """
         id = self._id(name, caption)
         with matplotlib.rc_context(STYLE):
@@ -193,14 +231,18 @@ class Portfolio:
         return Product(id, caption, self.files[f"{name}.png"])
 
     def _draw(self, fig, name, id):
-        """The pictures of a figure as bytes; what the page does not show is left to the artist, and to be filled in."""
+        """The pictures of a figure as bytes; what the page does not show is left to the artist, and
+        to be filled in.
+        """
         if self.artist is None and self.studio is not None:
             self.artist = self.studio()
         job = name, fig, id, self.provenance
         if self.artist is None:
             self.files |= _pictures(*job, EMBEDDED)
             return
-        self.files |= {f"{name}.{extension}": b"" for extension in EMBEDDED}  # their place in the list of files
+        self.files |= {
+            f"{name}.{extension}": b"" for extension in EMBEDDED
+        }  # their place in the list of files
         self.post.submit(_send, self.artist.stdin, cloudpickle.dumps((*job, APART)))
         self.files |= _pictures(*job, SHOWN)
 
@@ -210,14 +252,20 @@ class Portfolio:
             return
         self.post.shutdown()
         pickled, _ = self.artist.communicate(pickle.dumps(DONE))
-        drawn = pickle.loads(pickled) if pickled else ChildProcessError("the process that draws PDF and SVG has died; run it again")
+        drawn = (
+            pickle.loads(pickled)
+            if pickled
+            else ChildProcessError("the process that draws PDF and SVG has died; run it again")
+        )
         self.artist = None
         if isinstance(drawn, Exception):
             raise drawn
         self.files |= drawn
 
     def table(self, frame, name, caption="", claims=()):
-        """Keep a table as ``<paper>/<name>`` in CSV, Markdown and LaTeX; returns the frame, which displays itself."""
+        """Keep a table as ``<paper>/<name>`` in CSV, Markdown and LaTeX; returns the frame, which
+        displays itself.
+        """
         id = self._id(name, caption)
         self.files[f"{name}.csv"] = _csv(frame)
         self.files[f"{name}.md"] = markdown(frame).encode()
@@ -226,7 +274,8 @@ class Portfolio:
         return frame
 
     def publish(self, ledger=None):
-        """Write all products and verdicts.csv; raises, and writes nothing, unless the ledger is complete.
+        """Write all products and verdicts.csv; raises, and writes nothing, unless the ledger is
+        complete.
 
         A page that judges no paper, the index, has no ledger.
         """
@@ -242,37 +291,58 @@ class Portfolio:
     def _abandoned(self, folder):
         """Files of products of this paper that lie in the folder and that this run did not make."""
         ours = [file for file in folder.glob("*.json") if record(file).get("paper") == self.paper]
-        files = [file.with_suffix(f".{suffix}") for file in ours for suffix in (*EMBEDDED, "csv", "md", "tex", "json")]
+        files = [
+            file.with_suffix(f".{suffix}")
+            for file in ours
+            for suffix in (*EMBEDDED, "csv", "md", "tex", "json")
+        ]
         return [file for file in files if file.name not in self.files]
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-            raise ValueError(f"{self.paper}: product name {name!r}: use small letters, digits and underscores")
+            raise ValueError(
+                f"{self.paper}: product name {name!r}: use small letters, digits and underscores"
+            )
         if f"{name}.json" in self.files:
-            raise ValueError(f"{self.paper}: product {name!r} is saved twice; give every figure and table its own name")
+            raise ValueError(
+                f"{self.paper}: product {name!r} is saved twice; "
+                f"give every figure and table its own name"
+            )
         if not caption:
             raise ValueError(f"{self.paper}: product {name!r} has no caption; say what it shows")
         return f"{self.paper}/{name}"
 
     def _json(self, id, caption, claims):
         files = [name for name in self.files if name.partition(".")[0] == id.partition("/")[2]]
-        about = {"id": id, "caption": caption, "paper": self.paper, "claims": list(claims), "files": files, **self.provenance}
+        about = {
+            "id": id,
+            "caption": caption,
+            "paper": self.paper,
+            "claims": list(claims),
+            "files": files,
+            **self.provenance,
+        }
         return (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def artist():
-    """A process that draws what it is sent and hands all over in the end; None on a machine with a single core.
+    """A process that draws what it is sent and hands all over in the end; None on a machine with a
+    single core.
 
     It ends when the process that started it does, however that ends.
     """
     if trials.cores() == 1:
         return None
     studio = [sys.executable, "-c", "from tbdcore.repro import figures; figures._studio()"]
-    return subprocess.Popen(studio, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
+    return subprocess.Popen(
+        studio, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+    )
 
 
 def _studio():
-    """What the artist does: draw until there is nothing more, then write everything, or what went wrong, to standard output."""
+    """What the artist does: draw until there is nothing more, then write everything, or what went
+    wrong, to standard output.
+    """
     drawn = {}
     try:
         while (job := pickle.load(sys.stdin.buffer)) != DONE:
@@ -286,7 +356,9 @@ def _studio():
 
 
 def _send(place, content):
-    """Hand a job to the artist, who may be busy, so that this waits; one who has died is noticed when all is collected."""
+    """Hand a job to the artist, who may be busy, so that this waits; one who has died is noticed
+    when all is collected.
+    """
     with contextlib.suppress(BrokenPipeError):
         place.write(content)
         place.flush()
@@ -294,13 +366,17 @@ def _send(place, content):
 
 def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
     """A figure in the house style and its axes (one, or an array of them); sizes in inches."""
-    matplotlib.rcParams.update(STYLE)  # from here on: titles and legends are made by the caller, after this returns
+    matplotlib.rcParams.update(
+        STYLE
+    )  # from here on: titles and legends are made by the caller, after this returns
     fig = Figure(figsize=(width, height))
     return fig, fig.subplots(rows, cols, **subplots)
 
 
 def _lay_out(fig):
-    """Work the layout out once, not once for each format; places are rounded, as an SVG names its axes by every digit of them."""
+    """Work the layout out once, not once for each format; places are rounded, as an SVG names its
+    axes by every digit of them.
+    """
     fig.get_layout_engine().execute(fig)
     fig.set_layout_engine("none")
     for ax in fig.axes:
@@ -308,10 +384,11 @@ def _lay_out(fig):
 
 
 def write(folder, files, old=()):
-    """Write files (name -> bytes) into a folder: all beside their places first, then renamed; the files `old` are removed.
+    """Write files (name -> bytes) into a folder: all beside their places first, then renamed; the
+    files `old` are removed.
 
-    A Ctrl-C during the renaming waits until it is done.  Raises OSError, with nothing replaced, when the folder cannot be made
-    or written.
+    A Ctrl-C during the renaming waits until it is done.  Raises OSError, with nothing replaced,
+    when the folder cannot be made or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     beside = [(folder / f".{name}.{os.getpid()}.part", folder / name) for name in files]
@@ -330,10 +407,14 @@ def write(folder, files, old=()):
 
 @contextlib.contextmanager
 def _undisturbed():
-    """Hold back Ctrl-C and a request to end until the block is done (signals reach the main thread only)."""
+    """Hold back Ctrl-C and a request to end until the block is done (signals reach the main thread
+    only).
+    """
     came, before = [], {}
     with contextlib.suppress(ValueError):  # not the main thread
-        before = {number: signal.signal(number, lambda *event: came.append(event[0])) for number in ENDING}
+        before = {
+            number: signal.signal(number, lambda *event: came.append(event[0])) for number in ENDING
+        }
     try:
         yield
     finally:
@@ -344,13 +425,21 @@ def _undisturbed():
 
 
 def record(file):
-    """What a product's JSON file says of it; raises ValueError, naming the file, when it is damaged."""
+    """What a product's JSON file says of it; raises ValueError, naming the file, when it is
+    damaged.
+    """
     try:
         about = dict(json.loads(file.read_text(encoding="utf-8")))
-        _ = [about[key] for key in ("id", "caption", "paper", "claims", "files", "seed", "trials", "sources")]
+        _ = [
+            about[key]
+            for key in ("id", "caption", "paper", "claims", "files", "seed", "trials", "sources")
+        ]
         return about
     except (ValueError, TypeError, KeyError):
-        raise ValueError(f"{file}: damaged; delete it, then make the products anew: tbdcore run {file.parent.name}") from None
+        raise ValueError(
+            f"{file}: damaged; delete it, then make the products anew: "
+            f"tbdcore run {file.parent.name}"
+        ) from None
 
 
 def data(id):
@@ -360,7 +449,10 @@ def data(id):
     """
     path = paths.figures() / f"{id}.csv"
     if not path.is_file():
-        raise ValueError(f"{id}: no such data in {paths.figures()}; products are named <paper>/<name>, such as track_cfar/fig05")
+        raise ValueError(
+            f"{id}: no such data in {paths.figures()}; products are named <paper>/<name>, "
+            f"such as track_cfar/fig05"
+        )
     return pd.read_csv(path)
 
 
@@ -379,22 +471,32 @@ def digest(contents):
 
 def _pictures(name, fig, id, provenance, extensions):
     """A figure in some formats, file name -> bytes."""
-    return {f"{name}.{extension}": _render(fig, id, provenance, extension) for extension in extensions}
+    return {
+        f"{name}.{extension}": _render(fig, id, provenance, extension) for extension in extensions
+    }
 
 
 def _render(fig, id, provenance, extension):
     """One picture as bytes, the same bytes every time, with its id and what made it inside."""
     about = (id, provenance.get("sources"), provenance.get("remake"))
-    metadata = {key: text for key, text in zip(EMBEDDED[extension], about, strict=True) if text} | NO_DATE[extension]
+    metadata = {
+        key: text for key, text in zip(EMBEDDED[extension], about, strict=True) if text
+    } | NO_DATE[extension]
     buffer, canvas = io.BytesIO(), CANVASES[extension](fig)
     fig.dpi = STYLE["savefig.dpi"]
-    getattr(canvas, f"print_{extension}")(buffer, metadata=metadata)  # `savefig` would draw each format twice
+    getattr(canvas, f"print_{extension}")(
+        buffer, metadata=metadata
+    )  # `savefig` would draw each format twice
     return buffer.getvalue()
 
 
 def _csv(frame):
-    """A frame as CSV, numbers to six significant digits: fewer than differ between CPUs, more than any figure shows."""
-    return frame.to_csv(index=_speaks(frame.index), float_format="%.6g", lineterminator="\n").encode()
+    """A frame as CSV, numbers to six significant digits: fewer than differ between CPUs, more than
+    any figure shows.
+    """
+    return frame.to_csv(
+        index=_speaks(frame.index), float_format="%.6g", lineterminator="\n"
+    ).encode()
 
 
 def _speaks(index):
@@ -407,7 +509,10 @@ def _cells(frame):
     named = frame.rename_axis("") if frame.index.names == [None] else frame
     flat = named.reset_index() if _speaks(frame.index) else frame
     rows = [[_cell(value) for value in row] for row in flat.itertuples(index=False, name=None)]
-    return [_cell(" ".join(map(str, name)) if isinstance(name, tuple) else name) for name in flat.columns], rows
+    return [
+        _cell(" ".join(map(str, name)) if isinstance(name, tuple) else name)
+        for name in flat.columns
+    ], rows
 
 
 def _cell(value):
@@ -421,7 +526,9 @@ def markdown(frame):
     """A frame as a Markdown table."""
     header, rows = _cells(frame)
     lines = [header, ["---"] * len(header), *rows]
-    return "".join("| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |\n" for line in lines)
+    return "".join(
+        "| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |\n" for line in lines
+    )
 
 
 _TEX = {
@@ -431,21 +538,37 @@ _TEX = {
     "^": r"\textasciicircum{}",
 }
 _LETTERS = "alpha beta gamma delta eta theta kappa lambda mu pi rho sigma tau phi chi omega Delta Lambda Sigma Omega le ge times to"
-_TEX |= {c: rf"\ensuremath{{\{name}}}" for c, name in zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→", _LETTERS.split(), strict=True)}
+_TEX |= {
+    c: rf"\ensuremath{{\{name}}}"
+    for c, name in zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→", _LETTERS.split(), strict=True)
+}
 
 
 def latex(frame):
-    """A frame as a LaTeX tabular with booktabs rules; cells in dollars stay mathematics, everything else is escaped."""
+    """A frame as a LaTeX tabular with booktabs rules; cells in dollars stay mathematics, everything
+    else is escaped.
+    """
     header, rows = _cells(frame)
 
     def line(cells):
         return " & ".join(tex(cell) for cell in cells) + r" \\"
 
     body = [line(header), r"\midrule", *map(line, rows)]
-    return "\n".join([rf"\begin{{tabular}}{{{'l' * len(header)}}}", r"\toprule", *body, r"\bottomrule", r"\end{tabular}", ""])
+    return "\n".join(
+        [
+            rf"\begin{{tabular}}{{{'l' * len(header)}}}",
+            r"\toprule",
+            *body,
+            r"\bottomrule",
+            r"\end{tabular}",
+            "",
+        ]
+    )
 
 
 def tex(text):
     """Text with LaTeX's special characters escaped outside mathematics."""
     pieces = re.split(r"(\$[^$]+\$)", text)
-    return "".join(piece if i % 2 else "".join(_TEX.get(c, c) for c in piece) for i, piece in enumerate(pieces))
+    return "".join(
+        piece if i % 2 else "".join(_TEX.get(c, c) for c in piece) for i, piece in enumerate(pieces)
+    )

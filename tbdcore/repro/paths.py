@@ -1,7 +1,8 @@
 """Every folder of the repository, each written once.
 
-The repository is the folder above this package (it is installed in place).  ``TBDCORE_FIGURES`` in the environment moves the
-products of default runs elsewhere: the tests use it, so that checking the committed figures never rewrites them.
+The repository is the folder above this package (it is installed in place).  ``TBDCORE_FIGURES`` in
+the environment moves the products of default runs elsewhere: the tests use it, so that checking the
+committed figures never rewrites them.
 """
 
 import os

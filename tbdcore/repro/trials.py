@@ -1,24 +1,29 @@
 """Monte Carlo whose digits do not depend on who computes them.
 
-A trial is a function ``trial(seed, i)`` of two plain integers.  It makes its own generators from them,
+A trial is a function ``trial(seed, i)`` of two plain integers.  It makes its own generators from
+them,
 
     ``rng = generator(seed, "track_cfar", "fig05", i, "noise")``,
 
-one for each *purpose*: ``truth`` (what the world does), ``noise`` (what the radar adds), ``filter`` (what the algorithm draws).
-Nothing else is random.  Four things follow:
+one for each *purpose*: ``truth`` (what the world does), ``noise`` (what the radar adds), ``filter``
+(what the algorithm draws). Nothing else is random.  Four things follow:
 
-* trial 17 can be run again alone, ``trial(seed, 17)``, in a debugger, and is the trial 17 of the big run;
-* a changed filter does not move the data, so two algorithms see the same scenes and their difference is a paired one;
-* one worker and a hundred give the same bits, since no stream is shared and results are put back in trial order;
+* trial 17 can be run again alone, ``trial(seed, 17)``, in a debugger, and is the trial 17 of the
+  big run;
+* a changed filter does not move the data, so two algorithms see the same scenes and their
+  difference is a paired one;
+* one worker and a hundred give the same bits, since no stream is shared and results are put back in
+  trial order;
 * experiments do not disturb one another: a name in the key keeps their streams apart.
 
-The key of a stream is ``SeedSequence(seed, spawn_key=(paper, experiment, trial, purpose))``.  Names become integers by CRC-32,
-which is the same on every machine (Python's own ``hash`` is not).
+The key of a stream is ``SeedSequence(seed, spawn_key=(paper, experiment, trial, purpose))``.  Names
+become integers by CRC-32, which is the same on every machine (Python's own ``hash`` is not).
 
-``run`` is the loop over trials.  It hands chunks of indices to any ``concurrent.futures.Executor``: processes on this machine
-by default (``loky``, which carries functions that were written in a notebook), one process when ``workers=1``, a
-``dask.distributed`` cluster when a scheduler's address is given.  What a trial returns, a number, an array, or a (named) tuple of
-them, comes back with a leading axis of length n.
+``run`` is the loop over trials.  It hands chunks of indices to any ``concurrent.futures.Executor``:
+processes on this machine by default (``loky``, which carries functions that were written in a
+notebook), one process when ``workers=1``, a
+``dask.distributed`` cluster when a scheduler's address is given.  What a trial returns, a number,
+an array, or a (named) tuple of them, comes back with a leading axis of length n.
 """
 
 import contextlib
@@ -31,9 +36,12 @@ import numpy as np
 from tqdm import tqdm
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
-SHARES = 3  # of what is left, each worker's part is handed out in so many: few enough to hide the cost of sending
+# of what is left, each worker's part is handed out in so many: few enough to hide the cost of
+# sending
+SHARES = 3
 PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
-DAY = 86400  # seconds an idle process waits; loky warns, on standard error, of one that leaves as work arrives
+# seconds an idle process waits; loky warns, on standard error, of one that leaves as work arrives
+DAY = 86400
 
 
 def generator(seed, paper, experiment, trial, purpose):
@@ -88,9 +96,13 @@ def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials
     if n < 1:
         raise ValueError(f"trials.run: n is {n}; at least one trial is needed")
     if workers < 0:
-        raise ValueError(f"trials.run: workers is {workers}; give 0 for one process per core, or a count")
+        raise ValueError(
+            f"trials.run: workers is {workers}; give 0 for one process per core, or a count"
+        )
     with _executor(executor, workers, scheduler) as pool:
-        parts = _here(trial, n, seed, label) if pool is None else _spread(pool, trial, n, seed, label)
+        parts = (
+            _here(trial, n, seed, label) if pool is None else _spread(pool, trial, n, seed, label)
+        )
     return _join(parts)
 
 
@@ -114,7 +126,9 @@ def _executor(executor, workers, scheduler):
 
 
 def _processes(workers):
-    """Processes of this machine, kept alive between runs; their BLAS has one thread, as the trials are what runs in parallel."""
+    """Processes of this machine, kept alive between runs; their BLAS has one thread, as the trials
+    are what runs in parallel.
+    """
     from loky import get_reusable_executor
 
     one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -128,11 +142,13 @@ def _dask(address):
         from distributed import Client
     except ModuleNotFoundError:
         raise ConnectionError(
-            f"scheduler {address!r}: the package distributed is not installed; in the repository: pip install -e '.[cluster]'"
+            f"scheduler {address!r}: the package distributed is not installed; in the repository: "
+            f"pip install -e '.[cluster]'"
         ) from None
     if not re.fullmatch(r"(\w+://)?[\w.\-\[\]]+:\d+|inproc://\S+", address):
         raise ConnectionError(
-            f"scheduler {address!r}: no address of a dask scheduler; write tcp://host:8786, or leave it empty for this machine"
+            f"scheduler {address!r}: no address of a dask scheduler; write tcp://host:8786, "
+            f"or leave it empty for this machine"
         )
     try:
         client = Client(address, timeout=5, set_as_default=False)
@@ -152,7 +168,9 @@ def _manned(client, address):
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
-        raise ConnectionError(f"scheduler {address!r}: it has no worker; start one: dask worker {address}") from None
+        raise ConnectionError(
+            f"scheduler {address!r}: it has no worker; start one: dask worker {address}"
+        ) from None
 
 
 def _chunks(n, count):
@@ -162,7 +180,9 @@ def _chunks(n, count):
 
 
 def _shares(n, workers):
-    """Half-open ranges that cover 0..n: long ones first, single trials last, so that all workers end together."""
+    """Half-open ranges that cover 0..n: long ones first, single trials last, so that all workers
+    end together.
+    """
     ranges, first = [], 0
     while first < n:
         last = first + max(1, (n - first) // (SHARES * workers))
@@ -173,11 +193,16 @@ def _shares(n, workers):
 
 def _here(trial, n, seed, label):
     """The loop itself, in this process."""
-    return [_chunk(trial, seed, *ends) for ends in tqdm(_chunks(n, 100), desc=label, disable=None, leave=False)]
+    return [
+        _chunk(trial, seed, *ends)
+        for ends in tqdm(_chunks(n, 100), desc=label, disable=None, leave=False)
+    ]
 
 
 def _spread(pool: Executor, trial, n, seed, label):
-    """Chunks of the loop on an executor, gathered in trial order whatever the order in which they end."""
+    """Chunks of the loop on an executor, gathered in trial order whatever the order in which they
+    end.
+    """
     ranges = _shares(n, getattr(pool, "_max_workers", None) or cores())
     jobs = [pool.submit(_chunk, trial, seed, *ends) for ends in ranges]
     try:
@@ -195,7 +220,9 @@ def _chunk(trial, seed, first, last):
         try:
             results.append(trial(seed, i))
         except Exception as error:
-            raise RuntimeError(f"trial {i} of seed {seed}: {type(error).__name__}: {error}") from error
+            raise RuntimeError(
+                f"trial {i} of seed {seed}: {type(error).__name__}: {error}"
+            ) from error
     return _by_field(np.stack, results)
 
 
@@ -205,7 +232,9 @@ def _join(parts):
 
 
 def _by_field(gather, results):
-    """Apply a function to the list of results, or to each field's list when they are (named) tuples."""
+    """Apply a function to the list of results, or to each field's list when they are (named)
+    tuples.
+    """
     first = results[0]
     if not isinstance(first, tuple):
         return gather(results)

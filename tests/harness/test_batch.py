@@ -31,7 +31,11 @@ def folder(ran, tmp_path):
 @pytest.fixture
 def tbdcore(folder):
     return lambda *words: subprocess.run(
-        tiny.command(*words), cwd=folder, env=tiny.environment(folder), capture_output=True, text=True
+        tiny.command(*words),
+        cwd=folder,
+        env=tiny.environment(folder),
+        capture_output=True,
+        text=True,
     )
 
 
@@ -44,7 +48,12 @@ def would_skip(folder, *runs):
     """Whether the paper would be skipped by resumed runs with these parameters."""
     code = f"from tbdcore.repro import batch, paths; print([batch.done('tiny', values, paths.figures()) for values in {runs}])"
     said = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, env=tiny.environment(folder), capture_output=True, text=True, check=True
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env=tiny.environment(folder),
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return json.loads(said.stdout.lower())
 
@@ -80,7 +89,9 @@ def test_resume_goes_by_the_parameters_that_can_change_a_result(folder):
     assert would_skip(folder, {}, {"workers": 7}, {"shift": 2.0}) == [True, True, False]
 
 
-@pytest.mark.parametrize("change", ["a product", "repro/trials", "repro/figures", "repro/pages", "__init__", "a version"])
+@pytest.mark.parametrize(
+    "change", ["a product", "repro/trials", "repro/figures", "repro/pages", "__init__", "a version"]
+)
 def test_resume_does_not_skip_what_is_not_done(folder, change):
     about = folder / "figures" / "tiny" / "table1.json"
     if change == "a product":
@@ -107,7 +118,11 @@ def test_a_failing_run_is_one_line_and_leaves_the_products(tbdcore, folder):
     assert [line.partition(":")[0] for line in failed.stderr.splitlines()] == ["tiny", "tbdcore"]
     assert products(folder) == made
     (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(tiny.CELLS), encoding="utf-8")
-    assert tbdcore("run", "tiny", "--quick", "--resume").returncode == tbdcore("run", "tiny").returncode == 0
+    assert (
+        tbdcore("run", "tiny", "--quick", "--resume").returncode
+        == tbdcore("run", "tiny").returncode
+        == 0
+    )
     assert not left.exists()
 
 
@@ -119,28 +134,49 @@ def test_a_product_that_is_no_longer_made_is_removed(tbdcore, folder):
     (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
     assert tbdcore("run").returncode == 0
     names = {file.name for file in (folder / "figures" / "tiny").iterdir()}
-    assert names == {"notes.txt", "verdicts.csv", *(f"fig1.{kind}" for kind in ("pdf", "svg", "png", "csv", "json"))}
+    assert names == {
+        "notes.txt",
+        "verdicts.csv",
+        *(f"fig1.{kind}" for kind in ("pdf", "svg", "png", "csv", "json")),
+    }
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_run_leaves_no_process_and_no_half_written_file(tbdcore, folder, sent):
     made = products(folder)
     words = ["run", "tiny", "--workers", "2", "-p", "pause=2", "--out", "build/slow"]
-    listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a runner in the background hands down a deaf ear
-    options = {"cwd": folder, "env": tiny.environment(folder), "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    listening = partial(
+        signal.signal, signal.SIGINT, signal.SIG_DFL
+    )  # a runner in the background hands down a deaf ear
+    options = {
+        "cwd": folder,
+        "env": tiny.environment(folder),
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+    }
     run = subprocess.Popen(tiny.command(*words), preexec_fn=listening, text=True, **options)
     own, seen, deadline = psutil.Process(run.pid), set(), time.monotonic() + 60
-    while sum("popen_loky" in " ".join(process.cmdline()) for process in seen) < 2 and time.monotonic() < deadline:
+    while (
+        sum("popen_loky" in " ".join(process.cmdline()) for process in seen) < 2
+        and time.monotonic() < deadline
+    ):
         time.sleep(0.2)
         seen = set(own.children(recursive=True))
     assert len(seen) >= 3, "a kernel and two workers"
     time.sleep(1)
     run.send_signal(sent)
     out, err = run.communicate(timeout=60)
-    assert (run.returncode, err) == (130, "tbdcore: interrupted; finished papers are kept, nothing is half written\n")
+    assert (run.returncode, err) == (
+        130,
+        "tbdcore: interrupted; finished papers are kept, nothing is half written\n",
+    )
     assert not [process for process in seen if process.is_running()]
     assert products(folder) == made
-    assert not [file for file in (folder / "build").rglob("*") if ".part" in file.name or file.parent.name == "tiny"]
+    assert not [
+        file
+        for file in (folder / "build").rglob("*")
+        if ".part" in file.name or file.parent.name == "tiny"
+    ]
 
 
 def test_sweep_is_one_tidy_table(tbdcore, folder):

@@ -40,7 +40,13 @@ def tbdcore(capsys, *words):
 def test_everything_at_a_glance(execute, capsys):
     code, out, _ = tbdcore(capsys, "cite", "tiny/fig1")
     assert code == 0
-    for part in ("Nine draws, 100 % of them.", "figures/tiny/fig1.pdf", "@misc{tiny,", "@misc{tbdcore,", "seed 20, 400 trials"):
+    for part in (
+        "Nine draws, 100 % of them.",
+        "figures/tiny/fig1.pdf",
+        "@misc{tiny,",
+        "@misc{tbdcore,",
+        "seed 20, 400 trials",
+    ):
         assert part in out
 
 
@@ -56,7 +62,9 @@ def test_latex_of_a_figure_and_of_a_table(execute, capsys):
         assert re.sub(r"\\.", "", text).count("{") == re.sub(r"\\.", "", text).count("}")
 
 
-@pytest.mark.parametrize(("name", "said"), [("fig1", "After~"), ("beyond_map", "Not in~"), ("open_gate", "Not in~")])
+@pytest.mark.parametrize(
+    ("name", "said"), [("fig1", "After~"), ("beyond_map", "Not in~"), ("open_gate", "Not in~")]
+)
 def test_a_caption_names_the_paper_only_for_what_the_paper_shows(execute, name, said):
     about = cite.product("tiny/fig1") | {"id": f"tiny/{name}"}
     assert f"{said}\\cite{{tiny}}" in cite._latex(about, cite.files("tiny/fig1"))
@@ -72,21 +80,34 @@ def test_a_caption_ends_once_and_the_bibliography_is_named(execute, capsys, tmp_
 
 
 def compiled(folder, body):
-    """Complaints of pdflatex and bibtex about a document: errors, missing entries, and what is wider or higher than the page."""
+    """Complaints of pdflatex and bibtex about a document: errors, missing entries, and what is
+    wider or higher than the page.
+    """
     head = "\\documentclass{article}\n\\usepackage{booktabs,graphicx}\n\\begin{document}\n"
     tail = "\\bibliographystyle{plain}\n\\bibliography{figures}\n\\end{document}\n"
     (folder / "report.tex").write_text(head + body + tail, encoding="utf-8")
     said = ""
-    for program in (["pdflatex", "-interaction=nonstopmode"], ["bibtex"], *[["pdflatex", "-interaction=nonstopmode"]] * 2):
+    for program in (
+        ["pdflatex", "-interaction=nonstopmode"],
+        ["bibtex"],
+        *[["pdflatex", "-interaction=nonstopmode"]] * 2,
+    ):
         done = subprocess.run([*program, "report"], cwd=folder, capture_output=True, timeout=300)
         said = done.stdout.decode("utf-8", "replace")
         if done.returncode:
-            return [line for line in said.splitlines() if line.startswith(("!", "l.", "I couldn't", "Warning"))] or [said[-500:]]
+            return [
+                line
+                for line in said.splitlines()
+                if line.startswith(("!", "l.", "I couldn't", "Warning"))
+            ] or [said[-500:]]
     wrong = r"^.*(?:undefined|multiply defined|too large for page|Overfull \\[hv]box).*$"
     return re.findall(wrong, said, re.MULTILINE)
 
 
-@pytest.mark.skipif(not (shutil.which("pdflatex") and shutil.which("bibtex")), reason="pdflatex and bibtex are not on this machine")
+@pytest.mark.skipif(
+    not (shutil.which("pdflatex") and shutil.which("bibtex")),
+    reason="pdflatex and bibtex are not on this machine",
+)
 def test_a_report_with_every_figure_and_table_compiles_with_plain_pdflatex(tmp_path, monkeypatch):
     (tmp_path / "figures.bib").write_text(cite.bibliography(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -114,11 +135,18 @@ def test_a_figure_without_its_pdf_is_not_cited(execute, capsys):
 
 
 def test_caption_and_markdown(execute, capsys):
-    assert tbdcore(capsys, "cite", "tiny/fig1", "--caption") == (0, "Nine draws, 100 % of them.\n", "")
+    assert tbdcore(capsys, "cite", "tiny/fig1", "--caption") == (
+        0,
+        "Nine draws, 100 % of them.\n",
+        "",
+    )
     assert tbdcore(capsys, "cite", "tiny/table1", "--markdown")[1].startswith("| draw |")
 
 
-@pytest.mark.parametrize(("id", "nearest"), [("tiny/fig2", "tiny/fig1"), ("tiny", "tiny/"), ("tiny/tabel1", "tiny/table1")])
+@pytest.mark.parametrize(
+    ("id", "nearest"),
+    [("tiny/fig2", "tiny/fig1"), ("tiny", "tiny/"), ("tiny/tabel1", "tiny/table1")],
+)
 def test_unknown_id_names_the_nearest(execute, capsys, id, nearest):
     code, out, err = tbdcore(capsys, "cite", id)
     assert (code, out, err.count("\n")) == (2, "", 1)
@@ -128,7 +156,10 @@ def test_unknown_id_names_the_nearest(execute, capsys, id, nearest):
 def bibtex(text):
     """Entries of a BibTeX file by key: kind and fields; fails where the braces are not balanced."""
     entries = re.findall(r"@(\w+)\{(\w+),\n(.*?)\n\}", text, re.DOTALL)
-    return {key: (kind, dict(re.findall(r"^  (\w+) = \{(.*)\},$", body, re.MULTILINE))) for kind, key, body in entries}
+    return {
+        key: (kind, dict(re.findall(r"^  (\w+) = \{(.*)\},$", body, re.MULTILINE)))
+        for kind, key, body in entries
+    }
 
 
 @pytest.mark.parametrize("paper", ALL)
@@ -157,7 +188,11 @@ def test_score_writes_bibliography_and_gallery(execute, tmp_path):
     assert set(bibtex((tmp_path / "figures" / "figures.bib").read_text())) == {"tiny", "tbdcore"}
     page = (tmp_path / "figures" / "README.md").read_text()
     assert page.index("### tiny/fig1") < page.index("### tiny/table1")
-    assert re.search(r"- `mean` mean of the draws: published 0.0, measured -?0\.\d+ ± 0\.0\d+, \*\*reproduced\*\*\n", page)
+    assert re.search(
+        r"- `mean` mean of the draws: published 0.0, measured -?0\.\d+ ± 0\.0\d+, "
+        r"\*\*reproduced\*\*\n",
+        page,
+    )
     links = re.findall(r"\]\(([^)]+)\)", page)
     assert "../notebooks/01_tiny.ipynb" in links
     assert all((tmp_path / "figures" / link).is_file() for link in links)
@@ -168,7 +203,9 @@ def test_the_index_has_products_but_no_paper(execute, capsys, tmp_path):
     old, new = tmp_path / "figures" / "tiny", tmp_path / "figures" / "index"
     new.mkdir()
     (new / "fig1.json").write_text((old / "fig1.json").read_text().replace('"tiny', '"index'))
-    (new / "fig1.pdf").write_bytes((old / "fig1.pdf").read_bytes().replace(b"tiny/fig1", b"index/fig1"))
+    (new / "fig1.pdf").write_bytes(
+        (old / "fig1.pdf").read_bytes().replace(b"tiny/fig1", b"index/fig1")
+    )
     (new / "fig1.png").write_bytes((old / "fig1.png").read_bytes())
     assert set(bibtex(tbdcore(capsys, "cite", "index/fig1", "--bibtex")[1])) == {"tbdcore"}
     assert "Computed with~" in tbdcore(capsys, "cite", "index/fig1", "--latex")[1]
@@ -181,7 +218,13 @@ def test_the_index_has_products_but_no_paper(execute, capsys, tmp_path):
 def test_which_knows_its_own_files(execute, capsys, tmp_path, kind):
     code, out, _ = tbdcore(capsys, "which", str(tmp_path / "figures" / "tiny" / f"fig1.{kind}"))
     assert code == 0
-    for part in ("tiny/fig1\n", "Nine draws", "current", "the same bytes as figures/tiny/fig1.", "remake: tbdcore run tiny\n"):
+    for part in (
+        "tiny/fig1\n",
+        "Nine draws",
+        "current",
+        "the same bytes as figures/tiny/fig1.",
+        "remake: tbdcore run tiny\n",
+    ):
         assert part in out
 
 
@@ -200,9 +243,15 @@ def test_which_traces_a_stray_file_of_another_run(execute, capsys, tmp_path, kin
     assert "stale" in out
 
 
-@pytest.mark.parametrize("name", ["README.md", "missing.pdf", "empty.png", "foreign.pdf", "cut.svg"])
+@pytest.mark.parametrize(
+    "name", ["README.md", "missing.pdf", "empty.png", "foreign.pdf", "cut.svg"]
+)
 def test_which_refuses_what_is_not_ours_in_one_line(execute, capsys, tmp_path, name):
-    for other, content in {"empty.png": b"", "foreign.pdf": b"%PDF-1.4 /Title (My thesis)", "cut.svg": b"<svg"}.items():
+    for other, content in {
+        "empty.png": b"",
+        "foreign.pdf": b"%PDF-1.4 /Title (My thesis)",
+        "cut.svg": b"<svg",
+    }.items():
         (tmp_path / other).write_bytes(content)
     code, out, err = tbdcore(capsys, "which", name)
     assert (code, out, err.count("\n")) == (2, "", 1)
@@ -212,5 +261,12 @@ def test_which_refuses_what_is_not_ours_in_one_line(execute, capsys, tmp_path, n
 def test_the_same_run_gives_the_same_bytes(execute, tmp_path):
     first = {file.name: file.read_bytes() for file in (tmp_path / "figures" / "tiny").iterdir()}
     execute()
-    assert {file.name: file.read_bytes() for file in (tmp_path / "figures" / "tiny").iterdir()} == first
-    assert json.loads(first["fig1.json"])["files"] == ["fig1.pdf", "fig1.svg", "fig1.png", "fig1.csv"]
+    assert {
+        file.name: file.read_bytes() for file in (tmp_path / "figures" / "tiny").iterdir()
+    } == first
+    assert json.loads(first["fig1.json"])["files"] == [
+        "fig1.pdf",
+        "fig1.svg",
+        "fig1.png",
+        "fig1.csv",
+    ]

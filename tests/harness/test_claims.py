@@ -1,4 +1,6 @@
-"""Claims: files that a spreadsheet has touched, the edges of every verdict, and a ledger that is complete or fails."""
+"""Claims: files that a spreadsheet has touched, the edges of every verdict, and a ledger that is
+complete or fails.
+"""
 
 import dataclasses
 import math
@@ -11,7 +13,11 @@ from tbdcore.repro import claims, paths
 from tbdcore.repro.claims import Ledger, given
 
 HEADER = ",".join(claims.COLUMNS)
-GOOD = [HEADER, "a.in,Sec. 1,speed,,500,m/s,input,Sec. 1,", "a.num,Fig. 1,range,,287.10,km,number,Sec. 2,"]
+GOOD = [
+    HEADER,
+    "a.in,Sec. 1,speed,,500,m/s,input,Sec. 1,",
+    "a.num,Fig. 1,range,,287.10,km,number,Sec. 2,",
+]
 GOOD += ["a.order,Fig. 1,A beats B,,greater,,ordering,Sec. 2,"]
 ROW = "b,Fig. 2,range,,1.5,km,number,Sec. 2,"
 
@@ -46,8 +52,14 @@ BAD_LINES = {
     "no number": (ROW.replace("1.5", "about 1.5"), ("row 5, column value", "'about 1.5'")),
     "decimal comma": (ROW.replace("1.5", '"1,5"'), ("row 5, column value", "'1,5'")),
     "unknown unit": (ROW.replace("km", "furlong"), ("row 5, column unit", "'furlong'", "km")),
-    "unknown kind": (ROW.replace("number", "figure"), ("row 5, column kind", "'figure'", "ordering")),
-    "short row": ("b,Fig. 2,range,,1.5,km,number", ("row 5, column where", "7 fields instead of 9")),
+    "unknown kind": (
+        ROW.replace("number", "figure"),
+        ("row 5, column kind", "'figure'", "ordering"),
+    ),
+    "short row": (
+        "b,Fig. 2,range,,1.5,km,number",
+        ("row 5, column where", "7 fields instead of 9"),
+    ),
     "long row": (ROW + ",more", ("row 5, column cause", "10 fields instead of 9")),
     "semicolons in one row": (ROW.replace(",", ";"), ("row 5", "1 fields instead of 9")),
     "empty id": (ROW.replace("b,Fig", ",Fig"), ("row 5, column id", "empty")),
@@ -70,7 +82,9 @@ def test_columns_in_another_order(tmp_path):
 
 
 def test_semicolons(tmp_path):
-    refused(written(tmp_path, *(line.replace(",", ";") for line in GOOD)), "row 1, column id: missing")
+    refused(
+        written(tmp_path, *(line.replace(",", ";") for line in GOOD)), "row 1, column id: missing"
+    )
 
 
 def test_crlf(tmp_path):
@@ -82,7 +96,9 @@ def test_byte_order_mark(tmp_path):
 
 
 def test_latin_1(tmp_path):
-    (tmp_path / "toy.csv").write_bytes("\n".join([*GOOD, ROW.replace("range", "portée")]).encode("latin-1"))
+    (tmp_path / "toy.csv").write_bytes(
+        "\n".join([*GOOD, ROW.replace("range", "portée")]).encode("latin-1")
+    )
     refused(tmp_path, "row 5", "not UTF-8", "0xe9")
 
 
@@ -113,7 +129,9 @@ NUMBERS = {
 
 @pytest.mark.parametrize("text", NUMBERS)
 def test_printed_numbers(text):
-    np.testing.assert_allclose(claims.parse(text), NUMBERS[text], rtol=1e-15)  # the same decimal, to rounding
+    np.testing.assert_allclose(
+        claims.parse(text), NUMBERS[text], rtol=1e-15
+    )  # the same decimal, to rounding
 
 
 @pytest.mark.parametrize("text", ["", "1,5", "about 3", "3..5", "1 2", "nan", "inf", "0x10"])
@@ -131,10 +149,22 @@ EDGES = [  # measured, se, n, paper_n, verdict
     (10.0 + 0.05 - 2.575 * 0.01, 0.01, 100, None, "inconclusive"),  # just across
     (10.0 + 0.05 + 2.575 * 0.01, 0.01, 100, None, "inconclusive"),  # just not outside
     (10.0 + 0.05 + 2.577 * 0.01, 0.01, 100, None, "differs"),
-    (10.0 + 0.05 - 0.001, 0.0038, 100, None, "reproduced"),  # 2.576 se = 0.0098 < a fifth of the band: the estimate decides
+    (
+        10.0 + 0.05 - 0.001,
+        0.0038,
+        100,
+        None,
+        "reproduced",
+    ),  # 2.576 se = 0.0098 < a fifth of the band: the estimate decides
     (10.0 + 0.05 + 0.001, 0.0038, 100, None, "differs"),
     (10.0 + 0.05 + 0.001, 0.0040, 100, None, "inconclusive"),  # 2.576 se = 0.0103 > a fifth
-    (10.0 + 0.05 + 2.6 * 0.1 - 0.03, 0.01, 10_000, 100, "reproduced"),  # the paper's own error is 0.1
+    (
+        10.0 + 0.05 + 2.6 * 0.1 - 0.03,
+        0.01,
+        10_000,
+        100,
+        "reproduced",
+    ),  # the paper's own error is 0.1
     (10.0 + 0.05 + 2.6 * 0.1 + 0.03, 0.01, 10_000, 100, "differs"),
     (10.0, 1.0, 100, None, "inconclusive"),
     (math.nan, 0.0, None, None, "inconclusive"),
@@ -145,7 +175,9 @@ EDGES = [  # measured, se, n, paper_n, verdict
 @pytest.mark.parametrize(("measured", "se", "n", "paper_n", "verdict"), EDGES)
 def test_the_edges_of_a_number(measured, se, n, paper_n, verdict):
     assert claims.judge(10.0, 0.05, measured, se, n, paper_n)[0] == verdict
-    assert claims.judge(10.0, 0.05, 20.0 - measured, se, n, paper_n)[0] == verdict  # both edges alike
+    assert (
+        claims.judge(10.0, 0.05, 20.0 - measured, se, n, paper_n)[0] == verdict
+    )  # both edges alike
 
 
 @pytest.mark.parametrize(
@@ -170,17 +202,24 @@ def test_as_many_trials_as_it_asks_for_settle_it(measured):
     n, se = 100, 0.08
     verdict, needed = claims.judge(10.0, 0.05, measured, se, n)
     assert verdict == "inconclusive"
-    assert claims.judge(10.0, 0.05, measured, se * math.sqrt(n / needed), needed)[0] != "inconclusive"
+    assert (
+        claims.judge(10.0, 0.05, measured, se * math.sqrt(n / needed), needed)[0] != "inconclusive"
+    )
     verdict, needed = claims.judge_margin(0.1, se, n)
     assert claims.judge_margin(0.1, se * math.sqrt(n / (needed + 1)), needed + 1)[0] == "reproduced"
 
 
 def share_that_differs(n, digits, paper_n=100, replicas=20_000):
-    """Share of true numbers, printed to some digits, that are called `differs`: both Monte Carlo errors at work."""
+    """Share of true numbers, printed to some digits, that are called `differs`: both Monte Carlo
+    errors at work.
+    """
     rng, se = np.random.default_rng(1), 1 / math.sqrt(n)
     printed = np.round(rng.normal(0.0, 1 / math.sqrt(paper_n), replicas), digits)
     ours = rng.normal(0.0, se, replicas)
-    verdicts = [claims.judge(p, 0.5 * 10.0**-digits, o, se, n, paper_n)[0] for p, o in zip(printed, ours, strict=True)]
+    verdicts = [
+        claims.judge(p, 0.5 * 10.0**-digits, o, se, n, paper_n)[0]
+        for p, o in zip(printed, ours, strict=True)
+    ]
     return verdicts.count("differs") / replicas
 
 
@@ -191,7 +230,9 @@ def test_a_true_number_rarely_differs(n):
 
 
 def test_where_the_point_estimate_decides_a_true_number_differs_in_about_one_of_a_hundred():
-    """From 2500 trials on; a finely printed number is off by both errors, and the band is 2.6 of the paper's alone."""
+    """From 2500 trials on; a finely printed number is off by both errors, and the band is 2.6 of
+    the paper's alone.
+    """
     exact = math.erfc(claims.Z_PAPER / math.sqrt(2 * (1 + 100 / 2600)))
     assert 0.010 < exact < 0.011
     assert abs(share_that_differs(2600, 6) - exact) < 4 * math.sqrt(exact / 20_000)
@@ -211,7 +252,14 @@ def test_a_printed_nought_is_judged_by_the_step_of_its_print(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("value", "shown"), [("16", "16 m"), ("[0, 30]", "[0, 30] m"), ("rises", "rises"), ("{0,1}", "{0,1} m"), ("N/A", "N/A")]
+    ("value", "shown"),
+    [
+        ("16", "16 m"),
+        ("[0, 30]", "[0, 30] m"),
+        ("rises", "rises"),
+        ("{0,1}", "{0,1} m"),
+        ("N/A", "N/A"),
+    ],
 )
 def test_a_unit_stands_behind_numbers_only(tmp_path, value, shown):
     book = ledger(tmp_path, HEADER, f'a,Table 1,what,,"{value}",m,statement,Sec. 1,')
@@ -229,11 +277,23 @@ def test_what_is_open_says_how_many_trials_it_needs(tmp_path):
 def test_a_complete_ledger(tmp_path):
     book = ledger(tmp_path)
     assert "published 500 m/s, measured 500" in repr(book.used("a.in", 500))
-    assert repr(book.check("a.num", 287.0999, se=0.0001, n=50)).endswith("measured 287.09990 ± 0.0001 (n = 50): reproduced")
+    assert repr(book.check("a.num", 287.0999, se=0.0001, n=50)).endswith(
+        "measured 287.09990 ± 0.0001 (n = 50): reproduced"
+    )
     book.check("a.order", True, evidence="all 7 cases")
     table = book.table()
     assert list(table["verdict"]) == ["used", "reproduced", "reproduced"]
-    assert list(table.columns) == ["id", "item", "quantity", "published", "measured", "se", "n", "verdict", "cause"]
+    assert list(table.columns) == [
+        "id",
+        "item",
+        "quantity",
+        "published",
+        "measured",
+        "se",
+        "n",
+        "verdict",
+        "cause",
+    ]
     assert book.summary() == "2 reproduced, 1 used"
 
 
@@ -275,15 +335,39 @@ def test_with_other_parameters_verdicts_may_change_but_none_may_be_missing(tmp_p
 
 
 MISUSES = {
-    "unknown": (lambda book: book.check("a.nun", 1.0), r"no claim 'a\.nun'; the nearest is 'a\.num'"),
+    "unknown": (
+        lambda book: book.check("a.nun", 1.0),
+        r"no claim 'a\.nun'; the nearest is 'a\.num'",
+    ),
     "input checked": (lambda book: book.check("a.in", 500.0), r"a\.in is an input"),
-    "number used": (lambda book: book.used("a.num", 287.1), r"a\.num is of kind number; only inputs are used"),
-    "truth of a number": (lambda book: book.check("a.num", True, evidence="x"), r"a\.num is a number"),
-    "numpy truth of a number": (lambda book: book.check("a.num", np.True_, evidence="x"), r"a\.num is a number"),
-    "truth without evidence": (lambda book: book.check("a.order", True), r"a\.order: a truth value needs its evidence"),
-    "no reason": (lambda book: book.untestable("a.num", ""), r"a\.num: untestable needs its reason"),
-    "wrong input": (lambda book: book.used("a.in", 501), r"a\.in: the code runs with 501 .*the paper prints '500' m/s"),
-    "wrong dimension": (lambda book: book.used("a.in", 500, "km"), r"km and m/s are different dimensions"),
+    "number used": (
+        lambda book: book.used("a.num", 287.1),
+        r"a\.num is of kind number; only inputs are used",
+    ),
+    "truth of a number": (
+        lambda book: book.check("a.num", True, evidence="x"),
+        r"a\.num is a number",
+    ),
+    "numpy truth of a number": (
+        lambda book: book.check("a.num", np.True_, evidence="x"),
+        r"a\.num is a number",
+    ),
+    "truth without evidence": (
+        lambda book: book.check("a.order", True),
+        r"a\.order: a truth value needs its evidence",
+    ),
+    "no reason": (
+        lambda book: book.untestable("a.num", ""),
+        r"a\.num: untestable needs its reason",
+    ),
+    "wrong input": (
+        lambda book: book.used("a.in", 501),
+        r"a\.in: the code runs with 501 .*the paper prints '500' m/s",
+    ),
+    "wrong dimension": (
+        lambda book: book.used("a.in", 500, "km"),
+        r"km and m/s are different dimensions",
+    ),
     "unknown unit": (lambda book: book.used("a.in", 500, "knots"), r"unit 'knots' is unknown"),
 }
 
@@ -322,7 +406,9 @@ INPUTS = [  # printed value, printed unit, our value, our unit, same
 @pytest.mark.parametrize(("printed", "printed_unit", "value", "unit", "same"), INPUTS)
 def test_inputs_are_compared_in_their_units(tmp_path, printed, printed_unit, value, unit, same):
     row = f'p,Sec. 1,parameter,,"{printed}",{printed_unit},input,Sec. 1,'
-    assert ledger(tmp_path, HEADER, row, strict=False).used("p", value, unit).verdict == ("used" if same else "differs")
+    assert ledger(tmp_path, HEADER, row, strict=False).used("p", value, unit).verdict == (
+        "used" if same else "differs"
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -335,7 +421,10 @@ def test_a_scenario_enters_its_inputs(tmp_path):
     book = ledger(tmp_path, HEADER, "a.in,Sec. 1,reach,,500,m,input,Sec. 1,")
     table = book.inputs(Scenario())
     assert book.verdicts["a.in"].verdict == "used"
-    assert table.to_numpy().tolist() == [["$v$", "speed", "0.5", "km", "Sec. 1"], ["$N$", "order", "3", "", "open"]]
+    assert table.to_numpy().tolist() == [
+        ["$v$", "speed", "0.5", "km", "Sec. 1"],
+        ["$N$", "order", "3", "", "open"],
+    ]
 
 
 def test_a_changed_scenario_is_an_error_in_a_default_run(tmp_path):
@@ -366,7 +455,11 @@ def test_the_scorecard_counts(repository):
     card = claims.scorecard().to_numpy().tolist()
     assert card == [["tiny", 3, 2, 0, 0, 1, 0, "0.02"], ["all", 3, 2, 0, 0, 1, 0, "0.02"]]
     rows = claims.ledger()[["paper", "id", "verdict"]].to_numpy().tolist()
-    assert rows == [["tiny", "mean", "reproduced"], ["tiny", "order", "reproduced"], ["tiny", "price", "untestable"]]
+    assert rows == [
+        ["tiny", "mean", "reproduced"],
+        ["tiny", "order", "reproduced"],
+        ["tiny", "price", "untestable"],
+    ]
 
 
 def test_the_scorecard_refuses_verdicts_that_are_not_the_claims(repository):
@@ -384,30 +477,49 @@ def test_the_committed_claims_can_be_read(paper):
     assert all(row.where for row in rows.values()), "every claim says where it stands in the paper"
 
 
-# A longer run ----------------------------------------------------------------------------------------------------------
+# A longer run -------------------------------------------------------------------------------------
+# ---------------------
 
-TOY = [HEADER, "t.num,Table 1,mean,,10.0,m,number,Sec. 3,", "t.more,Table 1,A exceeds B,,A > B,,ordering,Sec. 3,"]
+TOY = [
+    HEADER,
+    "t.num,Table 1,mean,,10.0,m,number,Sec. 3,",
+    "t.more,Table 1,A exceeds B,,A > B,,ordering,Sec. 3,",
+]
 
 
 def settled(folder, monkeypatch, lines, strict=True):
-    """A ledger with 100 trials behind it, undecided twice, after it has met a longer run with these lines."""
+    """A ledger with 100 trials behind it, undecided twice, after it has met a longer run with these
+    lines.
+    """
     monkeypatch.setattr(paths, "CLAIMS", written(folder, *TOY))
     monkeypatch.setattr(paths, "LONGER", folder / "longer")
     (folder / "longer" / "toy").mkdir(parents=True)
     rows = [",".join(claims.Verdict._fields[:9]), *lines, ""]
     (folder / "longer" / "toy" / "verdicts.csv").write_text("\n".join(rows), encoding="utf-8")
     book = Ledger("toy", strict)
-    assert book.check("t.num", 10.9, se=0.4, n=100).verdict == book.check("t.more", 0.5, se=0.4, n=100).verdict == "inconclusive"
+    assert (
+        book.check("t.num", 10.9, se=0.4, n=100).verdict
+        == book.check("t.more", 0.5, se=0.4, n=100).verdict
+        == "inconclusive"
+    )
     return book, book.settle()
 
 
-LONGER = ["t.num,Table 1,mean,10.0 m,10.01,0.011,1000,reproduced,", "t.more,Table 1,A exceeds B,A > B,margin 0.10,0.13,1000,{}"]
-OPEN, DECIDED = LONGER[1].format("inconclusive,1122 trials would settle it"), LONGER[1].format("differs,")
+LONGER = [
+    "t.num,Table 1,mean,10.0 m,10.01,0.011,1000,reproduced,",
+    "t.more,Table 1,A exceeds B,A > B,margin 0.10,0.13,1000,{}",
+]
+OPEN, DECIDED = (
+    LONGER[1].format("inconclusive,1122 trials would settle it"),
+    LONGER[1].format("differs,"),
+)
 
 
 def test_a_longer_run_decides_what_is_open_here(tmp_path, monkeypatch):
     book, changed = settled(tmp_path, monkeypatch, [LONGER[0], OPEN])
-    assert changed.to_numpy().tolist() == [["t.num", "10.90 ± 0.4", "10.01 ± 0.011", "inconclusive", "reproduced"]]
+    assert changed.to_numpy().tolist() == [
+        ["t.num", "10.90 ± 0.4", "10.01 ± 0.011", "inconclusive", "reproduced"]
+    ]
     assert [(v.verdict, v.n, v.measured) for v in book.verdicts.values()] == [
         ("reproduced", "1000", "10.01"),
         ("inconclusive", "1000", "margin 0.10"),
@@ -431,9 +543,13 @@ def test_fewer_trials_or_other_parameters_take_nothing_over(tmp_path, monkeypatc
 
 
 def test_a_longer_run_of_another_kind_is_refused(tmp_path, monkeypatch):
-    """10.9 with an error of 0.4 in the first tenth, and 12.6 with 0.05 in the whole: 4.3 errors apart."""
+    """10.9 with an error of 0.4 in the first tenth, and 12.6 with 0.05 in the whole: 4.3 errors
+    apart.
+    """
     far = "t.num,Table 1,mean,10.0 m,12.60,0.05,1000,differs,"
-    with pytest.raises(ValueError, match=r"t.num is 10.90 here and 12.60 in data/longer; make the longer run again"):
+    with pytest.raises(
+        ValueError, match=r"t.num is 10.90 here and 12.60 in data/longer; make the longer run again"
+    ):
         settled(tmp_path, monkeypatch, [far, OPEN])
 
 
@@ -441,20 +557,30 @@ def test_a_longer_run_of_another_kind_is_refused(tmp_path, monkeypatch):
 def test_a_longer_run_that_cannot_be_one_is_refused(tmp_path, monkeypatch, odd):
     """More of the same trials and yet a larger error, or no number."""
     line = f"t.num,Table 1,mean,10.0 m,{odd},1000,reproduced,"
-    with pytest.raises(ValueError, match=r"t.num is 10.90 here and .* in data/longer; make the longer run again"):
+    with pytest.raises(
+        ValueError, match=r"t.num is 10.90 here and .* in data/longer; make the longer run again"
+    ):
         settled(tmp_path, monkeypatch, [line, OPEN])
 
 
 def test_margins_of_a_longer_run_are_compared_too(tmp_path, monkeypatch):
-    """0.5 with an error of 0.4 in the first tenth, and -1.2 with 0.13 in the whole: 4.5 errors apart."""
+    """0.5 with an error of 0.4 in the first tenth, and -1.2 with 0.13 in the whole: 4.5 errors
+    apart.
+    """
     far = OPEN.replace("margin 0.10", "margin -1.20")
-    with pytest.raises(ValueError, match=r"t.more is margin 0.50 here and margin -1.20 in data/longer"):
+    with pytest.raises(
+        ValueError, match=r"t.more is margin 0.50 here and margin -1.20 in data/longer"
+    ):
         settled(tmp_path, monkeypatch, [LONGER[0], far])
 
 
-@pytest.mark.parametrize("paper", sorted(path.parent.name for path in paths.LONGER.glob("*/verdicts.csv")))
+@pytest.mark.parametrize(
+    "paper", sorted(path.parent.name for path in paths.LONGER.glob("*/verdicts.csv"))
+)
 def test_verdicts_of_a_committed_longer_run_follow_from_its_numbers(paper):
-    """The file is read and not computed, so what it says is judged again from its own values, errors and counts."""
+    """The file is read and not computed, so what it says is judged again from its own values,
+    errors and counts.
+    """
     known, judged = claims.read(paper), 0
     for row in claims.verdicts(paper, paths.LONGER).itertuples():
         if not row.se or not re.fullmatch(r"(margin )?-?[\d.]+", row.measured):
@@ -465,6 +591,8 @@ def test_verdicts_of_a_committed_longer_run_follow_from_its_numbers(paper):
         else:
             verdict, needed = claims.judge_margin(value, se, n)
         assert verdict == row.verdict, row.id
-        assert verdict != "inconclusive" or needed is None or needed > n, row.id  # at a margin of 0 nobody can tell
+        assert verdict != "inconclusive" or needed is None or needed > n, (
+            row.id
+        )  # at a margin of 0 nobody can tell
         judged += 1
     assert judged > 50

@@ -1,4 +1,6 @@
-"""The command line: exit codes, errors of one line, and figures that only a good default run may touch."""
+"""The command line: exit codes, errors of one line, and figures that only a good default run may
+touch.
+"""
 
 import json
 import shutil
@@ -44,18 +46,26 @@ USAGE = {
     "fraction of a trial": (["run", "tiny", "-p", "n_trials=2.5"], "2.5 is float; give int"),
     "zero trials": (["run", "tiny", "-p", "n_trials=0"], "0 is out of range"),
     "out of range": (["run", "tiny", "-p", "pause=61"], "in [0, 60]"),
-    "code for a value": (["run", "tiny", "-p", "n_trials=__import__('os').getpid()"], "is str; give int"),
+    "code for a value": (
+        ["run", "tiny", "-p", "n_trials=__import__('os').getpid()"],
+        "is str; give int",
+    ),
     "negative workers": (["run", "tiny", "--workers", "-1"], "workers"),
     "workers no number": (["run", "tiny", "--workers", "two"], "invalid int value: 'two'"),
     "in place, not the default": (["run", "tiny", "--in-place", "-p", "shift=2"], "drop -p"),
-    "two forms of a citation": (["cite", "tiny/fig1", "--latex", "--bibtex"], "not allowed with argument"),
+    "two forms of a citation": (
+        ["cite", "tiny/fig1", "--latex", "--bibtex"],
+        "not allowed with argument",
+    ),
 }
 
 
 @pytest.mark.parametrize(("words", "message"), USAGE.values(), ids=USAGE)
 def test_bad_usage_is_one_line_and_code_2(repository, capsys, words, message):
     assert message in said(capsys, 2, *words)
-    assert not (repository / "build").exists() or not list((repository / "build").rglob("*.ipynb")), "nothing was started"
+    assert not (repository / "build").exists() or not list(
+        (repository / "build").rglob("*.ipynb")
+    ), "nothing was started"
 
 
 def test_one_bad_paper_stops_all_before_the_first_starts(repository, capsys):
@@ -70,9 +80,15 @@ def test_a_folder_that_cannot_be_written(repository, capsys, monkeypatch, out):
 
 def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys):
     pytest.importorskip("distributed")
-    assert "no dask scheduler answers" in said(capsys, 3, "run", "tiny", "--scheduler", "tcp://127.0.0.1:9")
-    assert "no dask scheduler answers" in said(capsys, 3, "run", "tiny", "-p", "scheduler=tcp://127.0.0.1:9")
-    assert "no address of a dask scheduler" in said(capsys, 3, "run", "tiny", "--scheduler", "nonsense")
+    assert "no dask scheduler answers" in said(
+        capsys, 3, "run", "tiny", "--scheduler", "tcp://127.0.0.1:9"
+    )
+    assert "no dask scheduler answers" in said(
+        capsys, 3, "run", "tiny", "-p", "scheduler=tcp://127.0.0.1:9"
+    )
+    assert "no address of a dask scheduler" in said(
+        capsys, 3, "run", "tiny", "--scheduler", "nonsense"
+    )
 
 
 @pytest.mark.parametrize("words", [["score"], ["run", "tiny"], ["sweep", "tiny", "shift=1,2"]])
@@ -95,16 +111,30 @@ def test_an_empty_table_of_verdicts_is_named(repository, capsys):
 @pytest.mark.parametrize("words", [["--quick"], ["-p", "shift=2"]])
 def test_the_figures_are_for_default_parameters_by_any_name(repository, capsys, words):
     out = f"{repository}/data/../figures"
-    assert "figures are for default parameters" in said(capsys, 2, "run", "tiny", *words, "--out", out)
+    assert "figures are for default parameters" in said(
+        capsys, 2, "run", "tiny", *words, "--out", out
+    )
 
 
 @pytest.mark.parametrize(
     ("file", "text", "code", "words", "message"),
     [
-        ("figures/tiny/verdicts.csv", VERDICTS.replace(",", ";"), 1, ["score"], "verdicts.csv: its columns are"),
+        (
+            "figures/tiny/verdicts.csv",
+            VERDICTS.replace(",", ";"),
+            1,
+            ["score"],
+            "verdicts.csv: its columns are",
+        ),
         ("figures/scorecard.csv", "<<<<<<< HEAD\n", 2, ["score"], "scorecard.csv: no scorecard"),
         ("CITATION.cff", "authors: [", 2, ["score"], "CITATION.cff: no authors"),
-        ("notebooks/01_tiny.ipynb", "<<<<<<< HEAD\n", 2, ["run", "tiny"], "01_tiny.ipynb: no notebook"),
+        (
+            "notebooks/01_tiny.ipynb",
+            "<<<<<<< HEAD\n",
+            2,
+            ["run", "tiny"],
+            "01_tiny.ipynb: no notebook",
+        ),
         ("figures/tiny/fig1.json", "{}", 2, ["cite", "tiny/fig1"], "fig1.json: damaged"),
     ],
     ids=["verdicts", "scorecard", "citation", "notebook", "record"],
@@ -167,7 +197,10 @@ def test_score_tells_a_changed_verdict_once(repository, capsys):
     enter(repository, VERDICTS)
     assert cli.main(["score"]) == 0
     capsys.readouterr()
-    enter(repository, VERDICTS.replace("0.05,400,reproduced,\nprice", "0.05,400,differs,a slip\nprice"))
+    enter(
+        repository,
+        VERDICTS.replace("0.05,400,reproduced,\nprice", "0.05,400,differs,a slip\nprice"),
+    )
     assert "tiny order was reproduced, is differs" in said(capsys, 1, "score")
     assert cli.main(["score"]) == 0
 
@@ -213,12 +246,22 @@ def folder(ran, tmp_path):
 
 
 def tbdcore(folder, *words):
-    return subprocess.run(tiny.command(*words), cwd=folder, env=tiny.environment(folder), capture_output=True, text=True)
+    return subprocess.run(
+        tiny.command(*words),
+        cwd=folder,
+        env=tiny.environment(folder),
+        capture_output=True,
+        text=True,
+    )
 
 
 def products(folder):
     """Every file under figures/, its bytes and its time."""
-    return {file: (file.read_bytes(), file.stat().st_mtime_ns) for file in (folder / "figures").rglob("*") if file.is_file()}
+    return {
+        file: (file.read_bytes(), file.stat().st_mtime_ns)
+        for file in (folder / "figures").rglob("*")
+        if file.is_file()
+    }
 
 
 def test_a_second_run_gives_the_same_bytes_and_a_clean_notebook(folder):
@@ -226,7 +269,9 @@ def test_a_second_run_gives_the_same_bytes_and_a_clean_notebook(folder):
     assert len(made) == 10
     assert tbdcore(folder, "run", "tiny", "--in-place", "--workers", "2").returncode == 0
     again = products(folder)
-    assert {file: content for file, (content, _) in again.items()} == {file: content for file, (content, _) in made.items()}
+    assert {file: content for file, (content, _) in again.items()} == {
+        file: content for file, (content, _) in made.items()
+    }
     text = (folder / "notebooks" / "01_tiny.ipynb").read_text(encoding="utf-8")
     assert [cell["execution_count"] for cell in json.loads(text)["cells"]] == list(range(1, 9))
     assert "papermill" not in text
@@ -246,13 +291,19 @@ def test_other_parameters_never_touch_the_figures(folder):
     made = products(folder)
     assert tbdcore(folder, "run", "-p", "n_trials=1e2").returncode == 0
     assert products(folder) == made
-    assert json.loads((folder / "build" / "run" / "tiny" / "fig1.json").read_text())["trials"] == 100
+    assert (
+        json.loads((folder / "build" / "run" / "tiny" / "fig1.json").read_text())["trials"] == 100
+    )
 
 
 def failing(folder, **cells):
-    """What a run with some other cells says when it fails: one line, and the products are untouched."""
+    """What a run with some other cells says when it fails: one line, and the products are
+    untouched.
+    """
     made = products(folder)
-    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(tiny.CELLS | cells), encoding="utf-8")
+    (folder / "notebooks" / "01_tiny.ipynb").write_text(
+        tiny.notebook(tiny.CELLS | cells), encoding="utf-8"
+    )
     failed = tbdcore(folder, "run")
     assert failed.returncode == 1
     assert failed.stderr.count("\n") == 1
@@ -268,12 +319,16 @@ def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
 
 
 def test_a_kernel_that_dies_is_one_line_with_its_last_words(folder):
-    said = failing(folder, trials="import os\nos.write(2, b'out of paper\\n')\nos.kill(os.getpid(), 9)")
+    said = failing(
+        folder, trials="import os\nos.write(2, b'out of paper\\n')\nos.kill(os.getpid(), 9)"
+    )
     assert "tiny: the kernel died: out of paper; run it again" in said
 
 
 def test_plain_papermill_refuses_a_misspelt_parameter(folder):
-    """Papermill itself would run it with the default and report success; the notebook's own first call does not."""
+    """Papermill itself would run it with the default and report success; the notebook's own first
+    call does not.
+    """
     words = [
         "papermill",
         "notebooks/01_tiny.ipynb",
@@ -287,7 +342,13 @@ def test_plain_papermill_refuses_a_misspelt_parameter(folder):
         "out",
         "build/try",
     ]
-    run = subprocess.run([sys.executable, "-m", *words], cwd=folder, env=tiny.environment(folder), capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-m", *words],
+        cwd=folder,
+        env=tiny.environment(folder),
+        capture_output=True,
+        text=True,
+    )
     assert run.returncode != 0
     assert "the nearest is 'n_trials'" in run.stderr
     assert not (folder / "build" / "try" / "tiny").exists()

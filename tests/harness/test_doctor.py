@@ -27,7 +27,9 @@ def test_the_real_lock_is_read_whole():
 
 
 def lock(monkeypatch, tmp_path):
-    (tmp_path / "environment.txt").write_text("numpy==0.9\npytest==0.1\nno-such-thing==1.0\nruff==0.1\nscipy==0.1\n")
+    (tmp_path / "environment.txt").write_text(
+        "numpy==0.9\npytest==0.1\nno-such-thing==1.0\nruff==0.1\nscipy==0.1\n"
+    )
     monkeypatch.setattr(paths, "LOCK", tmp_path / "environment.txt")
 
 
@@ -69,7 +71,11 @@ def wrong_workers(monkeypatch, tmp_path):
     from tbdcore.repro import trials
 
     real = trials.run
-    monkeypatch.setattr(trials, "run", lambda trial, n, seed, workers: real(trial, n, seed=seed + workers, workers=1))
+    monkeypatch.setattr(
+        trials,
+        "run",
+        lambda trial, n, seed, workers: real(trial, n, seed=seed + workers, workers=1),
+    )
 
 
 @pytest.mark.parametrize(
@@ -78,7 +84,11 @@ def wrong_workers(monkeypatch, tmp_path):
         (lock, "versions", "numpy is"),
         (lock, "versions", "no-such-thing is missing"),
         (lock, "versions", "and 2 more; run: python -m pip install"),
-        (foreign_kernel, "kernel", f"not this Python; make it: {sys.executable} -m ipykernel install"),
+        (
+            foreign_kernel,
+            "kernel",
+            f"not this Python; make it: {sys.executable} -m ipykernel install",
+        ),
         (no_kernel, "kernel", "no Jupyter kernel python3; make it"),
         (closed_folder, "folders", "cannot be written; change its permissions"),
         (closed_cache, "cache", "NUMBA_CACHE_DIR"),

@@ -13,7 +13,13 @@ import pytest
 from tbdcore.repro import figures
 from tbdcore.repro.claims import Ledger
 
-PROVENANCE = {"parameters": {"n": 3}, "seed": 1, "trials": 3, "sources": "0123456789abcdef", "versions": {}}
+PROVENANCE = {
+    "parameters": {"n": 3},
+    "seed": 1,
+    "trials": 3,
+    "sources": "0123456789abcdef",
+    "versions": {},
+}
 CLAIMS = "id,item,quantity,conditions,value,unit,kind,where,cause\nmean,Fig. 1,mean,,1.5,m,number,Sec. 2,\n"
 
 
@@ -49,14 +55,16 @@ def test_the_same_figure_has_the_same_bytes(tmp_path):
     for run in runs:
         draw(run)
         run.table(pd.DataFrame({"a": [1 / 3]}), "table1", caption="A third.")
-    assert set(runs[0].files) == {f"fig01.{end}" for end in ("pdf", "svg", "png", "csv", "json")} | {
-        f"table1.{end}" for end in ("csv", "md", "tex", "json")
-    }
+    assert set(runs[0].files) == {
+        f"fig01.{end}" for end in ("pdf", "svg", "png", "csv", "json")
+    } | {f"table1.{end}" for end in ("csv", "md", "tex", "json")}
     assert runs[0].files == runs[1].files
 
 
 def test_a_last_bit_changes_no_picture(tmp_path):
-    """What moves a number of the layout by a rounding error, another CPU for one, moves nothing that is drawn."""
+    """What moves a number of the layout by a rounding error, another CPU for one, moves nothing
+    that is drawn.
+    """
     made = []
     for x in (1.1, math.nextafter(1.1, 2)):
         run = figures.Portfolio("toy", tmp_path, PROVENANCE)
@@ -85,7 +93,12 @@ def test_a_table_keeps_the_names_of_its_rows(portfolio, name):
     portfolio.table(pd.DataFrame({"x": [1.5, 2.0]}, index=rows), "table1", caption="Two rows.")
     csv, md, tex = (portfolio.files[f"table1.{end}"].decode() for end in ("csv", "md", "tex"))
     assert csv.splitlines() == [f"{name or ''},x", "a_1,1.5", "b,2"]
-    assert md.splitlines() == [f"| {name or ''} | x |", "| --- | --- |", "| a_1 | 1.5 |", "| b | 2 |"]
+    assert md.splitlines() == [
+        f"| {name or ''} | x |",
+        "| --- | --- |",
+        "| a_1 | 1.5 |",
+        "| b | 2 |",
+    ]
     assert r"a\_1 & 1.5 \\" in tex
     assert tex.startswith(r"\begin{tabular}{ll}")
 
@@ -102,7 +115,10 @@ def test_an_artist_who_fails_says_what_failed(portfolio, ledger):
 
 def test_an_artist_ends_with_the_one_who_started_it():
     artist = figures.artist()
-    assert artist.communicate(timeout=30) == (b"", None)  # closes its standard input, as an end of any kind does
+    assert artist.communicate(timeout=30) == (
+        b"",
+        None,
+    )  # closes its standard input, as an end of any kind does
     assert artist.returncode == 0
 
 
@@ -128,7 +144,9 @@ def test_the_png_is_whole(portfolio):
     while place < len(picture):
         length = int.from_bytes(picture[place : place + 4], "big")
         body = picture[place + 4 : place + 8 + length]
-        assert zlib.crc32(body) == int.from_bytes(picture[place + 8 + length : place + 12 + length], "big")
+        assert zlib.crc32(body) == int.from_bytes(
+            picture[place + 8 + length : place + 12 + length], "big"
+        )
         names.append(body[:4])
         place += 12 + length
     assert names[-1] == b"IEND"
@@ -173,7 +191,9 @@ def test_nothing_is_written_before_publish(portfolio, ledger, tmp_path):
     made = published(tmp_path / "figures" / "toy")
     assert set(made) == {"verdicts.csv", *portfolio.files}
     assert made["fig01.pdf"] == portfolio.files["fig01.pdf"]
-    assert made["verdicts.csv"].decode().splitlines()[1] == "mean,Fig. 1,mean,1.5 m,1.52,,,reproduced,"
+    assert (
+        made["verdicts.csv"].decode().splitlines()[1] == "mean,Fig. 1,mean,1.5 m,1.52,,,reproduced,"
+    )
 
 
 def test_an_incomplete_ledger_publishes_nothing(portfolio, ledger, tmp_path):
@@ -216,9 +236,14 @@ def test_a_caption_is_mandatory(portfolio):
 
 
 def test_numbers_are_written_with_six_digits(portfolio):
-    frame = portfolio.table(pd.DataFrame({"x": [1 / 3, 2e-9, np.nan, 123456.7]}), "table1", caption="Numbers.")
+    frame = portfolio.table(
+        pd.DataFrame({"x": [1 / 3, 2e-9, np.nan, 123456.7]}), "table1", caption="Numbers."
+    )
     assert portfolio.files["table1.csv"] == b'x\n0.333333\n2e-09\n""\n123457\n'
-    assert portfolio.files["table1.md"] == b"| x |\n| --- |\n| 0.333333 |\n| 2e-09 |\n|  |\n| 123457 |\n"
+    assert (
+        portfolio.files["table1.md"]
+        == b"| x |\n| --- |\n| 0.333333 |\n| 2e-09 |\n|  |\n| 123457 |\n"
+    )
     assert frame["x"][0] == 1 / 3  # what the notebook goes on with is not rounded
 
 
@@ -254,4 +279,6 @@ def brightness(colour):
 def test_every_line_style_belongs_to_a_colour():
     assert set(figures.LINES) <= set(figures.COLOURS)
     assert all(re.fullmatch("#[0-9A-F]{6}", colour) for colour in figures.COLOURS.values())
-    assert max(map(brightness, figures.COLOURS.values())) < 0.8  # a paler line is lost on white paper
+    assert (
+        max(map(brightness, figures.COLOURS.values())) < 0.8
+    )  # a paler line is lost on white paper

@@ -11,7 +11,16 @@ import pytest
 from tbdcore.repro import paths
 
 FOLDERS = {".ci", "benchmarks", "data", "figures", "notebooks", "tbdcore", "tests"}
-FILES = {".gitignore", "CITATION.cff", "LICENSE", "LICENSE-TEXT", "Makefile", "README.md", "environment.txt", "pyproject.toml"}
+FILES = {
+    ".gitignore",
+    "CITATION.cff",
+    "LICENSE",
+    "LICENSE-TEXT",
+    "Makefile",
+    "README.md",
+    "environment.txt",
+    "pyproject.toml",
+}
 NUMBERS = {"numpy", "scipy", "numba"}
 HARNESS = sorted(path.stem for path in (paths.PACKAGE / "repro").glob("*.py"))
 CORE = sorted(path.stem for path in paths.PACKAGE.glob("*.py"))
@@ -19,23 +28,46 @@ MODULES = [*CORE, *(f"repro/{module}" for module in HARNESS)]
 
 
 def imports(module):
-    """Packages that a module imports, and the modules of this package among them, wherever in the file."""
+    """Packages that a module imports, and the modules of this package among them, wherever in the
+    file.
+    """
     packages, own = set(), set()
     for node in ast.walk(ast.parse((paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8"))):
-        names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+        names = (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import | ast.ImportFrom)
+            else []
+        )
         if isinstance(node, ast.ImportFrom):
-            names = [f"{node.module}.{name}" if (node.module or "").startswith("tbdcore") else node.module for name in names]
+            names = [
+                f"{node.module}.{name}"
+                if (node.module or "").startswith("tbdcore")
+                else node.module
+                for name in names
+            ]
         packages |= {name.partition(".")[0] for name in names}
-        own |= {name.removeprefix("tbdcore").lstrip(".").replace(".", "/") for name in names if name.startswith("tbdcore")}
-    return packages - {"tbdcore"}, {name for name in own if (paths.PACKAGE / f"{name}.py").is_file()}
+        own |= {
+            name.removeprefix("tbdcore").lstrip(".").replace(".", "/")
+            for name in names
+            if name.startswith("tbdcore")
+        }
+    return packages - {"tbdcore"}, {
+        name for name in own if (paths.PACKAGE / f"{name}.py").is_file()
+    }
 
 
 def tracked():
     """The committed files, as they are in the working tree."""
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=paths.ROOT, capture_output=True, text=True)
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=paths.ROOT, capture_output=True, text=True
+    )
     if listed.returncode:
         pytest.skip("no git repository here: nothing lists the committed files")
-    return [paths.ROOT / name for name in listed.stdout.split("\0") if name and (paths.ROOT / name).is_file()]
+    return [
+        paths.ROOT / name
+        for name in listed.stdout.split("\0")
+        if name and (paths.ROOT / name).is_file()
+    ]
 
 
 @pytest.mark.parametrize("module", CORE)
@@ -43,7 +75,9 @@ def test_the_core_imports_numbers_only(module):
     packages, own = imports(module)
     assert packages <= {*NUMBERS, *sys.stdlib_module_names}
     harness = {name for name in own if name.startswith("repro/")}
-    assert harness <= ({"repro/pages"} if module == "__init__" else set()), "only begin and page load the harness, when called"
+    assert harness <= ({"repro/pages"} if module == "__init__" else set()), (
+        "only begin and page load the harness, when called"
+    )
 
 
 @pytest.mark.parametrize("module", HARNESS)
@@ -56,23 +90,32 @@ def test_the_harness_imports_no_physics(module):
 
 
 def test_importing_a_numerical_module_does_not_load_the_harness():
-    code = (
-        "import sys, tbdcore.kalman; print(sorted(name for name in sys.modules if name.split('.')[0] in ('matplotlib', 'pandas')))"
+    code = "import sys, tbdcore.kalman; print(sorted(name for name in sys.modules if name.split('.')[0] in ('matplotlib', 'pandas')))"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout
+        == "[]\n"
     )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
 @pytest.mark.parametrize("module", MODULES)
 def test_one_decorator_and_no_hidden_randomness(module):
     source = (paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8")
     if module != "__init__":
-        assert not re.search(r"\bn?jit\(|@n?jit\b|\bprange\(|fastmath\s*=", source), "tbdcore.kernel is the one decorator"
-    assert not re.search(r"default_rng\(|np\.random\.(seed|normal|uniform|rand)\b", source), "a generator is an argument"
+        assert not re.search(r"\bn?jit\(|@n?jit\b|\bprange\(|fastmath\s*=", source), (
+            "tbdcore.kernel is the one decorator"
+        )
+    assert not re.search(r"default_rng\(|np\.random\.(seed|normal|uniform|rand)\b", source), (
+        "a generator is an argument"
+    )
 
 
 @pytest.mark.parametrize("module", MODULES)
 def test_every_module_opens_with_a_docstring(module):
-    assert ast.get_docstring(ast.parse((paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8")))
+    assert ast.get_docstring(
+        ast.parse((paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8"))
+    )
 
 
 def test_every_path_is_written_in_one_module():
@@ -86,7 +129,10 @@ def test_the_top_level_holds_what_the_readme_lists():
 
 
 def test_every_folder_explains_itself():
-    for folder in FOLDERS - {".ci", "tbdcore"}:  # scripts with a heading each; a package with a docstring
+    for folder in FOLDERS - {
+        ".ci",
+        "tbdcore",
+    }:  # scripts with a heading each; a package with a docstring
         assert (paths.ROOT / folder / "README.md").is_file(), folder
 
 
@@ -100,16 +146,23 @@ PRIVATE = [
     "index-" + "url http",
     "find-" + "links",
 ]
-HOSTS = [r"pypi\." + "org", r"files\.python" + "hosted", r"https?://[^/\s\"']*(?:artifactory|nexus|devpi|mirror)"]
+HOSTS = [
+    r"pypi\." + "org",
+    r"files\.python" + "hosted",
+    r"https?://[^/\s\"']*(?:artifactory|nexus|devpi|mirror)",
+]
 
 
 def test_no_committed_file_knows_a_machine_or_a_registry():
     found = re.compile("|".join(PRIVATE + HOSTS))
     for path in tracked():
         if path.suffix in (".png", ".pdf"):
-            continue  # the bytes of pictures hold anything; their metadata is tested in test_figures
+            # the bytes of pictures hold anything; their metadata is tested in test_figures
+            continue
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-            assert not found.search(line), f"{path.relative_to(paths.ROOT)}, line {number}: {found.search(line)[0]}"
+            assert not found.search(line), (
+                f"{path.relative_to(paths.ROOT)}, line {number}: {found.search(line)[0]}"
+            )
 
 
 def test_the_lock_pins_everything_with_hashes():
@@ -123,13 +176,21 @@ def test_the_lock_pins_everything_with_hashes():
 
 def test_the_lock_holds_every_dependency():
     project = tomllib.loads((paths.ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    extras = [names for extra, names in project["project"]["optional-dependencies"].items() if extra != "peers"]
+    extras = [
+        names
+        for extra, names in project["project"]["optional-dependencies"].items()
+        if extra != "peers"
+    ]
     wanted = [
         *project["project"]["dependencies"],
         *(name for extra in extras for name in extra),
         *project["build-system"]["requires"],
     ]
-    locked = set(re.findall(r"^([A-Za-z0-9_.\-]+)==", paths.LOCK.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    locked = set(
+        re.findall(
+            r"^([A-Za-z0-9_.\-]+)==", paths.LOCK.read_text(encoding="utf-8"), flags=re.MULTILINE
+        )
+    )
     names = {re.match(r"[A-Za-z0-9_.\-]+", name)[0].lower().replace("_", "-") for name in wanted}
     assert names <= {name.lower().replace("_", "-") for name in locked}
 

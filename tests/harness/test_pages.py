@@ -35,12 +35,16 @@ def paper(repository):
 
 
 def rewrite(repository, **cells):
-    (repository / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(tiny.CELLS | cells), encoding="utf-8")
+    (repository / "notebooks" / "01_tiny.ipynb").write_text(
+        tiny.notebook(tiny.CELLS | cells), encoding="utf-8"
+    )
 
 
 def values(paper, **changed):
     """A notebook's namespace after its parameters cell."""
-    return {name: parameter.default for name, parameter in pages.parameters(paper).items()} | changed
+    return {
+        name: parameter.default for name, parameter in pages.parameters(paper).items()
+    } | changed
 
 
 def one_line(caught, *words):
@@ -53,7 +57,9 @@ def one_line(caught, *words):
 def test_parameters_are_read_from_the_cell(paper):
     known = pages.parameters(paper)
     assert list(known)[:5] == list(pages.COMMON)
-    assert known["track_pfa"] == pages.Parameter("track_pfa", "float", 0.1, "track false-alarm probability P_F", 0.0, 1.0, "()")
+    assert known["track_pfa"] == pages.Parameter(
+        "track_pfa", "float", 0.1, "track false-alarm probability P_F", 0.0, 1.0, "()"
+    )
     assert known["blur"].range() == "(0, 0.8]"
     assert known["n_trials"].quick == 40
     assert known["reading"].choices == ("m", "m-r")
@@ -70,7 +76,9 @@ GOOD = [
 ]
 
 
-@pytest.mark.parametrize(("name", "value", "coerced"), [*GOOD, ("square_law", True, True), ("seed", 0, 0)])
+@pytest.mark.parametrize(
+    ("name", "value", "coerced"), [*GOOD, ("square_law", True, True), ("seed", 0, 0)]
+)
 def test_good_values_take_the_parameters_type(paper, name, value, coerced):
     ours = pages.validate(paper, {name: value})[name]
     assert ours == coerced
@@ -96,14 +104,20 @@ BAD = [  # name, value, words of the message
     ("snr_db", ["3"], ("out of range",)),
     ("snr_db", 3, ("3 is int; give list",)),
     ("square_law", 1, ("1 is int; give bool",)),
-    ("rates", [0.2, 0], ("[0.2, 0] does not increase; give at least one number, the smallest first",)),
+    (
+        "rates",
+        [0.2, 0],
+        ("[0.2, 0] does not increase; give at least one number, the smallest first",),
+    ),
     ("rates", [0.2, 0.2], ("does not increase",)),
     ("rates", [], ("[] does not increase",)),
     ("track_pfb", 0.1, ("'track_pfb'", "the nearest is 'track_pfa'")),
 ]
 
 
-@pytest.mark.parametrize(("name", "value", "words"), BAD, ids=[f"{name}={value!r}" for name, value, _ in BAD])
+@pytest.mark.parametrize(
+    ("name", "value", "words"), BAD, ids=[f"{name}={value!r}" for name, value, _ in BAD]
+)
 def test_bad_values_are_refused_in_a_line(paper, name, value, words):
     with pytest.raises(ValueError, match="parameter ") as caught:
         pages.validate(paper, {name: value})
@@ -128,7 +142,9 @@ def test_begin_opens_a_default_run(paper, repository):
     assert claims.strict
     assert figures.folder == repository / "figures"
     assert figures.provenance["seed"] == 20
-    assert set(figures.provenance["parameters"]) == set(pages.parameters(paper)) - set(pages.PLUMBING)
+    assert set(figures.provenance["parameters"]) == set(pages.parameters(paper)) - set(
+        pages.PLUMBING
+    )
 
 
 def test_begin_puts_coerced_values_back(paper):
@@ -145,7 +161,15 @@ def test_begin_finds_a_misspelt_parameter(paper):
 
 
 def test_begin_does_not_mind_what_a_notebook_has(paper):
-    others = {"np": np, "page": types.SimpleNamespace(), "In": [""], "Out": {}, "_i1": "", "__name__": "__main__", "run": len}
+    others = {
+        "np": np,
+        "page": types.SimpleNamespace(),
+        "In": [""],
+        "Out": {},
+        "_i1": "",
+        "__name__": "__main__",
+        "run": len,
+    }
     pages.begin(paper, values(paper, **others))
 
 
@@ -230,7 +254,10 @@ def test_a_page_follows_its_notebook(repository):
 def test_a_page_with_a_kernel_works_where_nothing_can_be_written(repository, monkeypatch):
     (repository / "file").write_text("in the way of a folder")
     monkeypatch.setattr(paths, "BUILD", repository / "file" / "build")
-    cells = {"algorithm": "from tbdcore import kernel\n\n\n@kernel\ndef twice(x):\n    return 2 * x", "parameters": "seed: int = 1"}
+    cells = {
+        "algorithm": "from tbdcore import kernel\n\n\n@kernel\ndef twice(x):\n    return 2 * x",
+        "parameters": "seed: int = 1",
+    }
     (repository / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
     assert pages.page("tiny").twice(3) == 6
 
@@ -275,7 +302,9 @@ def test_the_hash_of_the_sources_follows_code_claims_and_modules(repository):
 
 @pytest.mark.parametrize("name", ["track_cfar/verdicts.csv", "track_cfar/fig05.csv"])
 def test_the_hash_of_the_index_follows_what_it_shows(tmp_path, monkeypatch, name):
-    shutil.copytree(paths.PRODUCTS, tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg"))
+    shutil.copytree(
+        paths.PRODUCTS, tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg")
+    )
     monkeypatch.setenv("TBDCORE_FIGURES", str(tmp_path / "figures"))
     before, chapter = pages.sources("index"), pages.sources("track_cfar")
     with (tmp_path / "figures" / name).open("a") as file:
@@ -286,7 +315,9 @@ def test_the_hash_of_the_index_follows_what_it_shows(tmp_path, monkeypatch, name
 
 def executed():
     """What papermill leaves: an injected cell, times, counts and standard error."""
-    notebook = json.loads(tiny.notebook({name: tiny.CELLS[name] for name in ("algorithm", "parameters")}))
+    notebook = json.loads(
+        tiny.notebook({name: tiny.CELLS[name] for name in ("algorithm", "parameters")})
+    )
     injected = copy.deepcopy(notebook["cells"][1])
     injected["metadata"] = {"tags": ["injected-parameters"]}
     notebook["cells"].insert(2, injected)
@@ -304,8 +335,14 @@ def executed():
 def test_clean_leaves_what_is_committed():
     notebook = pages.clean(executed())
     assert [cell["execution_count"] for cell in notebook["cells"]] == [1, 2]
-    assert [cell["metadata"] for cell in notebook["cells"]] == [{"tags": ["algorithm"]}, {"tags": ["parameters"]}]
-    assert [[out["execution_count"] for out in cell["outputs"]] for cell in notebook["cells"]] == [[1], [2]]
+    assert [cell["metadata"] for cell in notebook["cells"]] == [
+        {"tags": ["algorithm"]},
+        {"tags": ["parameters"]},
+    ]
+    assert [[out["execution_count"] for out in cell["outputs"]] for cell in notebook["cells"]] == [
+        [1],
+        [2],
+    ]
     assert set(notebook["metadata"]) == {"kernelspec", "language_info"}
 
 

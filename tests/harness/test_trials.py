@@ -20,7 +20,10 @@ class Result(NamedTuple):
 
 def walk(seed, i):
     """A trial with an array, a scalar, and all three streams."""
-    truth, noise, draws = (trials.generator(seed, "toy", "walk", i, purpose) for purpose in ("truth", "noise", "filter"))
+    truth, noise, draws = (
+        trials.generator(seed, "toy", "walk", i, purpose)
+        for purpose in ("truth", "noise", "filter")
+    )
     steps = truth.normal(size=5).cumsum() + noise.normal(size=5)
     return Result(steps.mean() + draws.random(), steps)
 
@@ -32,7 +35,9 @@ def fails_at(which, seed, i):
 
 
 def same_bits(ours, theirs):
-    return all(a.tobytes() == b.tobytes() and a.shape == b.shape for a, b in zip(ours, theirs, strict=True))
+    return all(
+        a.tobytes() == b.tobytes() and a.shape == b.shape for a, b in zip(ours, theirs, strict=True)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +47,9 @@ def reference():
 
 def first_draws(names):
     seed, paper, experiment, trial, purpose = names
-    return tuple(trials.generator(seed, paper, experiment, trial, purpose).integers(0, 2**63, size=2))
+    return tuple(
+        trials.generator(seed, paper, experiment, trial, purpose).integers(0, 2**63, size=2)
+    )
 
 
 def test_streams_depend_on_each_part_of_their_key_and_on_nothing_else():
@@ -60,7 +67,9 @@ def test_the_key_of_a_stream_is_what_the_docstring_says():
     assert trials.generator(20, "toy", "fig1", 5, "noise").random() == expected.random()
 
 
-@pytest.mark.parametrize("bad", [(-1, "a", "b", 0, "noise"), (0, "a", "b", -1, "noise"), (0, "a", "b", 0, "luck")])
+@pytest.mark.parametrize(
+    "bad", [(-1, "a", "b", 0, "noise"), (0, "a", "b", -1, "noise"), (0, "a", "b", 0, "luck")]
+)
 def test_bad_keys_are_refused(bad):
     with pytest.raises(ValueError, match=r"trials\.generator: [^\n]*$"):
         trials.generator(*bad)
@@ -78,7 +87,9 @@ def test_results_are_stacked_in_trial_order(reference):
 
 @pytest.mark.parametrize("n", [1, 2, 99, 100, 101, 250])
 def test_every_trial_runs_once(n):
-    np.testing.assert_array_equal(trials.run(partial(fails_at, -1), n, seed=0, workers=1), np.arange(n))
+    np.testing.assert_array_equal(
+        trials.run(partial(fails_at, -1), n, seed=0, workers=1), np.arange(n)
+    )
 
 
 @pytest.mark.parametrize("workers", [2, 5])
@@ -108,8 +119,12 @@ def test_loky_as_an_executor(reference):
 def test_a_dask_cluster_gives_the_same_bits(reference):
     distributed = pytest.importorskip("distributed")
     where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, **where) as cluster:
-        assert same_bits(trials.run(walk, N, seed=3, scheduler=cluster.scheduler_address), reference)
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, **where
+    ) as cluster:
+        assert same_bits(
+            trials.run(walk, N, seed=3, scheduler=cluster.scheduler_address), reference
+        )
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no-such-scheme://here"])
@@ -127,7 +142,10 @@ def test_a_scheduler_without_a_worker_is_one_line(monkeypatch):
     monkeypatch.setattr(trials, "PATIENCE", 0.5)
     where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
     refused = pytest.raises(ConnectionError, match="it has no worker; start one")
-    with distributed.LocalCluster(n_workers=0, processes=False, **where) as cluster, refused as caught:
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, **where) as cluster,
+        refused as caught,
+    ):
         trials.run(walk, 1, seed=0, scheduler=cluster.scheduler_address)
     assert "\n" not in str(caught.value)
 
@@ -144,7 +162,9 @@ def test_the_machine_works_after_a_failing_trial(reference):
     assert same_bits(trials.run(walk, N, seed=3, workers=2), reference)
 
 
-@pytest.mark.parametrize(("n", "workers", "word"), [(0, 1, "n is 0"), (-3, 1, "n is -3"), (5, -1, "workers is -1")])
+@pytest.mark.parametrize(
+    ("n", "workers", "word"), [(0, 1, "n is 0"), (-3, 1, "n is -3"), (5, -1, "workers is -1")]
+)
 def test_bad_counts_are_refused(n, workers, word):
     with pytest.raises(ValueError, match=word):
         trials.run(walk, n, seed=0, workers=workers)

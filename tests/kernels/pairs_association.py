@@ -1,4 +1,6 @@
-"""Cases for association, amplitude and steps of several tracks: sizes down to nothing, empty gates, extreme probabilities."""
+"""Cases for association, amplitude and steps of several tracks: sizes down to nothing, empty gates,
+extreme probabilities.
+"""
 
 import numpy as np
 
@@ -20,13 +22,21 @@ def _scene_with_amplitude(seed, T, M):
 def _gates(seed, T, M):
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(T, 2, 2)) * 100.0
-    return rng.uniform(-900, 900, (M, 2)), rng.uniform(-500, 500, (T, 2)), A @ np.swapaxes(A, 1, 2) + 50.0 * np.eye(2), 16.0, 0.9997
+    return (
+        rng.uniform(-900, 900, (M, 2)),
+        rng.uniform(-500, 500, (T, 2)),
+        A @ np.swapaxes(A, 1, 2) + 50.0 * np.eye(2),
+        16.0,
+        0.9997,
+    )
 
 
 def _tracks(seed, T):
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(T, 4, 4)) * np.array([[50.0], [1.0], [50.0], [1.0]])
-    return rng.uniform(-3e4, 3e4, (T, 4)), A @ np.swapaxes(A, 1, 2) + np.diag([10.0, 1.0, 10.0, 1.0])
+    return rng.uniform(-3e4, 3e4, (T, 4)), A @ np.swapaxes(A, 1, 2) + np.diag(
+        [10.0, 1.0, 10.0, 1.0]
+    )
 
 
 def _prediction(seed, T):
@@ -43,7 +53,13 @@ def _weighted(seed, T, M):
 
 SIZES = [(1, 0), (1, 1), (1, 6), (2, 0), (2, 1), (2, 5), (3, 4), (4, 3), (4, 6)]
 AMPLITUDE = detection.amplitude_ratio, detection.amplitude_ratio_spec
-ASSOCIATORS = [association.ipda, association.prior_odds, association.visibility, association.modulated, association.jipda]
+ASSOCIATORS = [
+    association.ipda,
+    association.prior_odds,
+    association.visibility,
+    association.modulated,
+    association.jipda,
+]
 
 CASES = [
     (
@@ -56,21 +72,39 @@ CASES = [
     for T, M in SIZES
 ]
 CASES += [
-    (f"{kernel.__name__} {name}", kernel, getattr(association, f"{kernel.__name__}_spec"), arguments)
+    (
+        f"{kernel.__name__} {name}",
+        kernel,
+        getattr(association, f"{kernel.__name__}_spec"),
+        arguments,
+    )
     for kernel in ASSOCIATORS
     for name, arguments in (
         ("no plot in any gate", lambda: _scene(7, 3, 4, outside=1.1)),
         ("all plots shared", lambda: _scene(8, 3, 4, outside=-1.0)),
         ("strong evidence", lambda: _scene(9, 3, 4, spread=40.0)),
-        ("track almost dead", lambda: (_scene(10, 3, 4)[0], np.array([1e-200, 0.5, 1.0]), np.array([0.9, 0.5, 0.1]))),
+        (
+            "track almost dead",
+            lambda: (_scene(10, 3, 4)[0], np.array([1e-200, 0.5, 1.0]), np.array([0.9, 0.5, 0.1])),
+        ),
     )
 ]
 CASES += [
-    (f"ljipda {T}x{M}", association.ljipda, association.ljipda_spec, lambda T=T, M=M: _scene_with_amplitude(T + 10 * M, T, M))
+    (
+        f"ljipda {T}x{M}",
+        association.ljipda,
+        association.ljipda_spec,
+        lambda T=T, M=M: _scene_with_amplitude(T + 10 * M, T, M),
+    )
     for T, M in SIZES
 ]
 CASES += [
-    (f"candidates {T}x{M}", association.candidates, association.candidates_spec, lambda T=T, M=M: _gates(T + M, T, M))
+    (
+        f"candidates {T}x{M}",
+        association.candidates,
+        association.candidates_spec,
+        lambda T=T, M=M: _gates(T + M, T, M),
+    )
     for T, M in ((1, 0), (1, 1), (3, 200), (2, 40))
 ]
 CASES += [
@@ -85,9 +119,29 @@ CASES += [
     case
     for T in (1, 3)
     for case in (
-        (f"predict_tracks {T}", kalman.predict_tracks, kalman.predict_tracks_spec, lambda T=T: _prediction(T, T)),
-        (f"gate_tracks {T}", kalman.gate_tracks, kalman.gate_tracks_spec, lambda T=T: (*_tracks(T, T), 1e4, 1e-7)),
-        (f"update_mixture {T}", kalman.update_mixture, kalman.update_mixture_spec, lambda T=T: _weighted(T, T, 5)),
-        (f"update_mixture {T}, no plot", kalman.update_mixture, kalman.update_mixture_spec, lambda T=T: _weighted(T, T, 0)),
+        (
+            f"predict_tracks {T}",
+            kalman.predict_tracks,
+            kalman.predict_tracks_spec,
+            lambda T=T: _prediction(T, T),
+        ),
+        (
+            f"gate_tracks {T}",
+            kalman.gate_tracks,
+            kalman.gate_tracks_spec,
+            lambda T=T: (*_tracks(T, T), 1e4, 1e-7),
+        ),
+        (
+            f"update_mixture {T}",
+            kalman.update_mixture,
+            kalman.update_mixture_spec,
+            lambda T=T: _weighted(T, T, 5),
+        ),
+        (
+            f"update_mixture {T}, no plot",
+            kalman.update_mixture,
+            kalman.update_mixture_spec,
+            lambda T=T: _weighted(T, T, 0),
+        ),
     )
 ]

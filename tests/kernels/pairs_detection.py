@@ -1,4 +1,6 @@
-"""Cases for the false plots of a gate: in one cell, over four, over many; quiet, one alarm, several, one in each cell."""
+"""Cases for the false plots of a gate: in one cell, over four, over many; quiet, one alarm,
+several, one in each cell.
+"""
 
 from tbdcore import detection
 
@@ -12,8 +14,18 @@ GATES = {
 
 def _case(name, gate, u, p_false, nth):
     about = f"false_plot {name}, u = {u}, p_false = {p_false}, number {nth}"
-    return about, detection.false_plot, detection.false_plot_spec, lambda: (u, (0.3, 0.8), *gate, CELL, p_false, nth)
+    return (
+        about,
+        detection.false_plot,
+        detection.false_plot_spec,
+        lambda: (u, (0.3, 0.8), *gate, CELL, p_false, nth),
+    )
 
 
 DRAWS = ((0.999, 1e-6), (0.01, 0.02), (0.0001, 0.02), (0.5, 0.9), (0.7, 1.0))
-CASES = [_case(name, gate, *draw, nth) for name, gate in GATES.items() for draw in DRAWS for nth in (0, 1)]
+CASES = [
+    _case(name, gate, *draw, nth)
+    for name, gate in GATES.items()
+    for draw in DRAWS
+    for nth in (0, 1)
+]

@@ -13,11 +13,15 @@ LITERAL = np.array([[0.95 ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in
 
 
 def frames(K=3, shape=(9, 7), reach=4, shift=0.0, lost=0.3, seed=3):
-    """Frames in their margin; some cells, and so the states that pass through them, at -inf; all negative where shift says so."""
+    """Frames in their margin; some cells, and so the states that pass through them, at -inf; all
+    negative where shift says so.
+    """
     rng = np.random.default_rng(seed)
     z = np.full((K, shape[0] + 2 * reach, shape[1] + 2 * reach), -np.inf)
     values = rng.normal(shift, 1.0, (K, *shape))
-    z[:, reach : reach + shape[0], reach : reach + shape[1]] = np.where(rng.random(values.shape) < lost, -np.inf, values)
+    z[:, reach : reach + shape[0], reach : reach + shape[1]] = np.where(
+        rng.random(values.shape) < lost, -np.inf, values
+    )
     return z
 
 
@@ -37,8 +41,15 @@ DATA = (
     *({}, {"shift": -5.0}, {"shape": (1, 1), "lost": 0.0}, {"lost": 1.0}, {"K": 1}),
     {"K": 2, "shape": (50, 50), "lost": 0.0},
 )
-BOXES = ((np.ones(7), 0, 1, 3), (np.ones(1), 0, 1, 2), (np.array([0.0, 1, 1]), SLOWEST, 6, 4), (np.ones(3), SLOWEST, 6, 5))
-BOXES += tuple((np.ones(n), 0, 1, n // 2) for n in (5, 9, 11, 19, 29)) + ((np.array([0.0, 1, 1, 1, 1]), SLOWEST, 6, 5),)
+BOXES = (
+    (np.ones(7), 0, 1, 3),
+    (np.ones(1), 0, 1, 2),
+    (np.array([0.0, 1, 1]), SLOWEST, 6, 4),
+    (np.ones(3), SLOWEST, 6, 5),
+)
+BOXES += tuple((np.ones(n), 0, 1, n // 2) for n in (5, 9, 11, 19, 29)) + (
+    (np.array([0.0, 1, 1, 1, 1]), SLOWEST, 6, 5),
+)
 FAMILIES = (
     ("weighted", (ASIDE, ASIDE)),
     ("weighted", (LEFT_OUT, np.array([0.0, 1.0, 0.0]))),
@@ -55,22 +66,38 @@ def pair(name):
 
 
 CASES = [
-    ("box_forward", *pair("box_forward"), lambda w=w, v=v, V=V, r=r, about=about: forward((w,), v, r, V, **about))
+    (
+        "box_forward",
+        *pair("box_forward"),
+        lambda w=w, v=v, V=V, r=r, about=about: forward((w,), v, r, V, **about),
+    )
     for w, v, V, r in BOXES
     for about in DATA
 ]
 CASES += [
-    (f"{name}_forward", *pair(f"{name}_forward"), lambda weights=weights, about=about: forward(weights, **about))
+    (
+        f"{name}_forward",
+        *pair(f"{name}_forward"),
+        lambda weights=weights, about=about: forward(weights, **about),
+    )
     for name, weights in FAMILIES
     for about in DATA
 ]
 CASES += [
-    (f"{name}_path", *pair(f"{name}_path"), lambda w=weights, state=state, about=about: back(w, state, **about))
+    (
+        f"{name}_path",
+        *pair(f"{name}_path"),
+        lambda w=weights, state=state, about=about: back(w, state, **about),
+    )
     for name, weights in FAMILIES
     for state in STATES
     for about in ({}, {"shift": -5.0}, {"lost": 1.0})
 ]
 CASES += [
-    ("weighted_path", *pair("weighted_path"), lambda V=V, v=v, w=w: back((w, np.ones(1)), (0, 0, 6, 6), v, V=V))
+    (
+        "weighted_path",
+        *pair("weighted_path"),
+        lambda V=V, v=v, w=w: back((w, np.ones(1)), (0, 0, 6, 6), v, V=V),
+    )
     for w, v, V, _ in BOXES
 ]

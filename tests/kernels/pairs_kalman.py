@@ -1,4 +1,6 @@
-"""Cases for the compiled Kalman steps: tracks in three quadrants, without process noise, with an empty residual."""
+"""Cases for the compiled Kalman steps: tracks in three quadrants, without process noise, with an
+empty residual.
+"""
 
 import numpy as np
 
@@ -11,22 +13,47 @@ def _track(seed, x):
     return np.array(x), A @ A.T + np.diag([10.0, 1.0, 10.0, 1.0])
 
 
-TRACKS = [(1, [7.0e4, 350.0, 7.2e4, 360.0]), (2, [-3.0e5, 1.0, -10.0, 500.0]), (3, [0.0, 0.0, -2.0e5, -500.0])]
+TRACKS = [
+    (1, [7.0e4, 350.0, 7.2e4, 360.0]),
+    (2, [-3.0e5, 1.0, -10.0, 500.0]),
+    (3, [0.0, 0.0, -2.0e5, -500.0]),
+]
 
 CASES = [
     (
         "two_point",
         kalman.two_point,
         kalman.two_point_spec,
-        lambda: (np.array([9e4, 0.8]), np.array([9.5e4, 0.81]), np.array([9.0, 5e-7]), np.array([10.0, 6e-7]), 10.0),
+        lambda: (
+            np.array([9e4, 0.8]),
+            np.array([9.5e4, 0.81]),
+            np.array([9.0, 5e-7]),
+            np.array([10.0, 6e-7]),
+            10.0,
+        ),
     ),
 ] + [
     case
     for seed, x in TRACKS
     for case in (
-        ("predict_cv", kalman.predict_cv, kalman.predict_cv_spec, lambda s=seed, x=x: (*_track(s, x), 10.0, 0.01)),
-        ("predict_cv, no noise", kalman.predict_cv, kalman.predict_cv_spec, lambda s=seed, x=x: (*_track(s, x), 10.0, 0.0)),
-        ("gate_polar", kalman.gate_polar, kalman.gate_polar_spec, lambda s=seed, x=x: (*_track(s, x), 400.0, 1e-6)),
+        (
+            "predict_cv",
+            kalman.predict_cv,
+            kalman.predict_cv_spec,
+            lambda s=seed, x=x: (*_track(s, x), 10.0, 0.01),
+        ),
+        (
+            "predict_cv, no noise",
+            kalman.predict_cv,
+            kalman.predict_cv_spec,
+            lambda s=seed, x=x: (*_track(s, x), 10.0, 0.0),
+        ),
+        (
+            "gate_polar",
+            kalman.gate_polar,
+            kalman.gate_polar_spec,
+            lambda s=seed, x=x: (*_track(s, x), 400.0, 1e-6),
+        ),
         (
             "update_polar",
             kalman.update_polar,

@@ -52,5 +52,9 @@ def box(n, omegas=OMEGAS):
 
 CASES += [
     ("box_states", motion.box_states, motion.box_states_spec, args)
-    for args in (lambda: box(300), lambda: box(50, np.array([[0.5, 0.5], [0.5, 0.5]])), lambda: (np.empty((5, 0)), *box(2)[1:]))
+    for args in (
+        lambda: box(300),
+        lambda: box(50, np.array([[0.5, 0.5], [0.5, 0.5]])),
+        lambda: (np.empty((5, 0)), *box(2)[1:]),
+    )
 ]

@@ -23,7 +23,9 @@ CASES = [
 
 
 def log_weights(n, seed=1):
-    """Log-ratios as a filter has them: absent particles exactly 0, far ones hopeless, a few very good."""
+    """Log-ratios as a filter has them: absent particles exactly 0, far ones hopeless, a few very
+    good.
+    """
     rng = np.random.default_rng(seed)
     return np.where(rng.random(n) < 0.4, 0.0, rng.normal(-5.0, 8.0, n))
 
@@ -42,12 +44,21 @@ CASES += [
 
 def cloud(n, M, regimes=3, seed=2):
     rng = np.random.default_rng(seed)
-    return rng.integers(0, regimes, n), rng.normal(size=(n, 5)), np.sort(rng.integers(0, max(n, 1), M))
+    return (
+        rng.integers(0, regimes, n),
+        rng.normal(size=(n, 5)),
+        np.sort(rng.integers(0, max(n, 1), M)),
+    )
 
 
 CASES += [
     ("copies", particles.copies, particles.copies_spec, args)
-    for args in (lambda: cloud(400, 200), lambda: cloud(20, 70), lambda: cloud(9, 5, regimes=1), lambda: cloud(0, 0))
+    for args in (
+        lambda: cloud(400, 200),
+        lambda: cloud(20, 70),
+        lambda: cloud(9, 5, regimes=1),
+        lambda: cloud(0, 0),
+    )
 ]
 
 

@@ -8,10 +8,19 @@ from tbdcore import sensor
 
 
 def blob_case(n, shape=(30, 20), blur=0.6, seed=4):
-    """Particles inside, on the edges and corners, half a cell outside and far outside, and absent ones."""
+    """Particles inside, on the edges and corners, half a cell outside and far outside, and absent
+    ones.
+    """
     rng = np.random.default_rng(seed)
     S = rng.uniform(-3, max(shape) + 3, (n, 5))
-    corners = [(0.5, 0.5), (shape[0] + 0.5, 1.0), (1.0, shape[1] + 0.4999), (0.4999, 3.0), (1e9, -1e9), (2.5, 3.5)]
+    corners = [
+        (0.5, 0.5),
+        (shape[0] + 0.5, 1.0),
+        (1.0, shape[1] + 0.4999),
+        (0.4999, 3.0),
+        (1e9, -1e9),
+        (2.5, 3.5),
+    ]
     for row, (x, y) in zip(S, corners, strict=False):
         row[[0, 2]] = x, y
     return rng.normal(0, 2.3, shape), S, rng.integers(0, 3, n), 8.0, blur, 2.3
@@ -32,11 +41,24 @@ def polar_case(spread, n=200, shape=(60, 40), seed=6):
     """Power frame, places in it, on its edges and off it, and intensities, a tenth of them zero."""
     rng = np.random.default_rng(seed)
     rho, alpha = rng.uniform(-3, shape[0] + 4, n), rng.uniform(-3, shape[1] + 4, n)
-    corners = [(0.5, 0.5), (shape[0] + 0.4999, 1.0), (1.0, shape[1] + 0.4999), (0.4999, 3.0), (np.nan, 2.0), (2.5, 3.5)]
+    corners = [
+        (0.5, 0.5),
+        (shape[0] + 0.4999, 1.0),
+        (1.0, shape[1] + 0.4999),
+        (0.4999, 3.0),
+        (np.nan, 2.0),
+        (2.5, 3.5),
+    ]
     for k, corner in enumerate(corners[:n]):
         rho[k], alpha[k] = corner
     snr = rng.exponential(5.0, n) * (rng.random(n) > 0.1)
-    return rng.standard_exponential(shape, dtype=np.float32), rho, alpha, snr, sensor.Spread(*spread)
+    return (
+        rng.standard_exponential(shape, dtype=np.float32),
+        rho,
+        alpha,
+        snr,
+        sensor.Spread(*spread),
+    )
 
 
 TRUE, WIDE, NARROW = (1.44, 0.1112, 2, 6), (0.144, 0.01112, 4, 12), (14.4, 1.112, 1, 3)
@@ -52,5 +74,10 @@ for spread, options in (
     CASES += [
         ("power_log_ratio", sensor.power_log_ratio, sensor.power_log_ratio_spec, make),
         ("cell_power", sensor.cell_power, sensor.cell_power_spec, lambda make=make: make()[:3]),
-        ("patch_fit", sensor.patch_fit, sensor.patch_fit_spec, lambda make=make: (*make()[:3], make()[4])),
+        (
+            "patch_fit",
+            sensor.patch_fit,
+            sensor.patch_fit_spec,
+            lambda make=make: (*make()[:3], make()[4]),
+        ),
     ]

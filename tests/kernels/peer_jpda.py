@@ -1,4 +1,6 @@
-"""One scan of close tracks, its exact marginals by this package, and by Stone Soup's JPDA: for the test and for the benchmark."""
+"""One scan of close tracks, its exact marginals by this package, and by Stone Soup's JPDA: for the
+test and for the benchmark.
+"""
 
 import datetime
 
@@ -19,10 +21,16 @@ def scan(seed, T, M):
 
 
 def our_marginals(where, plots):
-    """Densities of all plots under all tracks, then the subset recursion: weights of no plot and of each plot."""
+    """Densities of all plots under all tracks, then the subset recursion: weights of no plot and of
+    each plot.
+    """
     D = np.broadcast_to(COVARIANCE[::2, ::2] + NOISE, (len(where), 2, 2)).copy()
-    _, log_density = association.candidates(plots, where, D, 1e6, 1.0)  # a gate that holds everything
-    return association.jipda(log_density - np.log(CLUTTER), np.ones(len(where)), np.full(len(where), DETECT))[0]
+    _, log_density = association.candidates(
+        plots, where, D, 1e6, 1.0
+    )  # a gate that holds everything
+    return association.jipda(
+        log_density - np.log(CLUTTER), np.ones(len(where)), np.full(len(where), DETECT)
+    )[0]
 
 
 def peer_marginals(where, plots):
@@ -30,7 +38,10 @@ def peer_marginals(where, plots):
     from stonesoup.dataassociator.probability import JPDA
     from stonesoup.hypothesiser.probability import PDAHypothesiser
     from stonesoup.models.measurement.linear import LinearGaussian
-    from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
+    from stonesoup.models.transition.linear import (
+        CombinedLinearGaussianTransitionModel,
+        ConstantVelocity,
+    )
     from stonesoup.predictor.kalman import KalmanPredictor
     from stonesoup.types.detection import Detection
     from stonesoup.types.state import GaussianState
@@ -38,8 +49,12 @@ def peer_marginals(where, plots):
     from stonesoup.updater.kalman import KalmanUpdater
 
     sensor = LinearGaussian(ndim_state=4, mapping=(0, 2), noise_covar=NOISE)
-    predictor = KalmanPredictor(CombinedLinearGaussianTransitionModel([ConstantVelocity(0), ConstantVelocity(0)]))
-    hypothesiser = PDAHypothesiser(predictor, KalmanUpdater(sensor), CLUTTER, DETECT, prob_gate=1.0, include_all=True)
+    predictor = KalmanPredictor(
+        CombinedLinearGaussianTransitionModel([ConstantVelocity(0), ConstantVelocity(0)])
+    )
+    hypothesiser = PDAHypothesiser(
+        predictor, KalmanUpdater(sensor), CLUTTER, DETECT, prob_gate=1.0, include_all=True
+    )
     states = [GaussianState([[x], [0.0], [y], [0.0]], COVARIANCE, timestamp=WHEN) for x, y in where]
     tracks = [Track([state], id=str(t)) for t, state in enumerate(states)]
     detections = [Detection([[x], [y]], timestamp=WHEN, measurement_model=sensor) for x, y in plots]

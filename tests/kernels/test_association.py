@@ -32,7 +32,9 @@ ALL = [ipda, jipda, plain_ljipda, lm_ipda]
 
 
 def by_matrices(log_ratio, existence, detect):
-    """Every 0/1 validation matrix with at most one 1 per row and column, existence a variable of its own."""
+    """Every 0/1 validation matrix with at most one 1 per row and column, existence a variable of
+    its own.
+    """
     T, M = log_ratio.shape
     mass, joint, alive = 0.0, np.zeros((T, M + 1)), np.zeros(T)
     for bits in itertools.product((0, 1), repeat=T * M):
@@ -46,7 +48,11 @@ def by_matrices(log_ratio, existence, detect):
             for t in range(T):
                 w *= existence[t] if exists[t] else 1 - existence[t]
                 if exists[t]:
-                    w *= detect[t] * math.exp(log_ratio[t, A[t].argmax()]) if A[t].any() else 1 - detect[t]
+                    w *= (
+                        detect[t] * math.exp(log_ratio[t, A[t].argmax()])
+                        if A[t].any()
+                        else 1 - detect[t]
+                    )
             mass += w
             for t in range(T):
                 if exists[t]:
@@ -68,9 +74,20 @@ def test_subset_recursion_equals_enumeration_and_brute_force(seed, T, M):
 def test_the_number_of_joint_events_is_counted_right():
     for T, M in ((1, 3), (2, 4), (3, 5), (3, 2)):
         choices = itertools.product(range(M + 1), repeat=T)
-        listed = sum(len(taken) == len(set(taken)) for taken in ([m for m in c if m] for c in choices))
+        listed = sum(
+            len(taken) == len(set(taken)) for taken in ([m for m in c if m] for c in choices)
+        )
         assert association.events(T, M) == listed
-    assert [association.events(T, T + 2) for T in range(1, 9)] == [4, 21, 136, 1045, 9276, 93289, 1047376, 12975561]
+    assert [association.events(T, T + 2) for T in range(1, 9)] == [
+        4,
+        21,
+        136,
+        1045,
+        9276,
+        93289,
+        1047376,
+        12975561,
+    ]
 
 
 def test_listed_events_of_clusters():
@@ -79,8 +96,13 @@ def test_listed_events_of_clusters():
     assert association.listed_events(shared) == (association.events(2, 4),) * 2
     both = np.zeros((4, 10), bool)
     both[:2, :6], both[2:, 6:] = apart, shared
-    assert association.listed_events(both[[0, 2, 1, 3]]) == (8 + association.events(2, 4), 16 * association.events(2, 4))
-    chain = np.array([[1, 1, 0], [0, 1, 1], [0, 0, 0]], bool)  # 1 + 2 + 2 + 3 pairs, and a track without plots
+    assert association.listed_events(both[[0, 2, 1, 3]]) == (
+        8 + association.events(2, 4),
+        16 * association.events(2, 4),
+    )
+    chain = np.array(
+        [[1, 1, 0], [0, 1, 1], [0, 0, 0]], bool
+    )  # 1 + 2 + 2 + 3 pairs, and a track without plots
     assert association.listed_events(chain) == (8 + 1, 8)
 
 
@@ -89,12 +111,27 @@ def test_jipda_of_certain_tracks_is_jpda():
     (a, b), (c, d) = L = np.array([[0.7, 2.1], [1.3, 0.4]])
     D, q = 0.9, 0.1
     none, one = q * q, D * q
-    weights = {"a": one * a, "b": one * b, "c": one * c, "d": one * d, "ad": D * D * a * d, "bc": D * D * b * c}
+    weights = {
+        "a": one * a,
+        "b": one * b,
+        "c": one * c,
+        "d": one * d,
+        "ad": D * D * a * d,
+        "bc": D * D * b * c,
+    }
     total = none + sum(weights.values())
     beta, existence = jipda(np.log(L), np.ones(2), np.full(2, D))
     expected = [
-        [none + weights["c"] + weights["d"], weights["a"] + weights["ad"], weights["b"] + weights["bc"]],
-        [none + weights["a"] + weights["b"], weights["c"] + weights["bc"], weights["d"] + weights["ad"]],
+        [
+            none + weights["c"] + weights["d"],
+            weights["a"] + weights["ad"],
+            weights["b"] + weights["bc"],
+        ],
+        [
+            none + weights["a"] + weights["b"],
+            weights["c"] + weights["bc"],
+            weights["d"] + weights["ad"],
+        ],
     ]
     np.testing.assert_allclose(beta, np.array(expected) / total, rtol=1e-13)
     np.testing.assert_allclose(existence, 1.0, rtol=1e-14)
@@ -113,7 +150,9 @@ def test_tracks_that_share_no_plot_do_not_know_each_other(method):
     log_ratio, existence, detect = scene(3, 3, 9, outside=0.0)
     apart = np.kron(np.eye(3), np.ones(3)) > 0
     log_ratio = np.where(apart, log_ratio, -np.inf)
-    for our, single in zip(method(log_ratio, existence, detect), ipda(log_ratio, existence, detect), strict=True):
+    for our, single in zip(
+        method(log_ratio, existence, detect), ipda(log_ratio, existence, detect), strict=True
+    ):
         np.testing.assert_allclose(our, single, rtol=1e-13)
 
 
@@ -122,13 +161,17 @@ def test_modulated_density_is_exact_for_two_tracks_and_one_plot(seed):
     args = scene(seed, 2, 1, outside=0.0)
     for lm, exact in zip(lm_ipda(*args), jipda(*args), strict=True):
         np.testing.assert_allclose(lm, exact, rtol=1e-13)
-    assert abs(plain_ljipda(*args)[0] - jipda(*args)[0]).max() > 1e-3  # the paper's visibility is not
+    assert (
+        abs(plain_ljipda(*args)[0] - jipda(*args)[0]).max() > 1e-3
+    )  # the paper's visibility is not
 
 
 def test_zero_information_amplitude_is_ljipda_bit_for_bit():
     log_ratio, existence, detect = scene(5, 3, 8)
     excess = np.random.default_rng(5).exponential(size=8)
-    with_amplitude = ljipda(log_ratio, detection.amplitude_ratio(excess, np.zeros(3)), existence, detect)
+    with_amplitude = ljipda(
+        log_ratio, detection.amplitude_ratio(excess, np.zeros(3)), existence, detect
+    )
     for our, plain in zip(with_amplitude, plain_ljipda(log_ratio, existence, detect), strict=True):
         np.testing.assert_array_equal(our, plain)
 
@@ -137,8 +180,12 @@ def test_visibility_ignores_the_amplitude_and_completes_to_one():
     log_ratio, existence, detect = scene(6, 3, 4, outside=0.0)
     odds = association.prior_odds(log_ratio, existence, detect)
     source = odds / (1 + odds.sum(axis=0))
-    np.testing.assert_allclose(source.sum(axis=0) + 1 / (1 + odds.sum(axis=0)), 1.0, rtol=1e-14)  # (13)
-    np.testing.assert_allclose(visibility(log_ratio, existence, detect), 1 - (source.sum(axis=0) - source), rtol=1e-13)
+    np.testing.assert_allclose(
+        source.sum(axis=0) + 1 / (1 + odds.sum(axis=0)), 1.0, rtol=1e-14
+    )  # (13)
+    np.testing.assert_allclose(
+        visibility(log_ratio, existence, detect), 1 - (source.sum(axis=0) - source), rtol=1e-13
+    )
 
 
 @pytest.mark.parametrize("method", ALL)
@@ -150,8 +197,12 @@ def test_weights_sum_to_one_and_order_does_not_matter(method, seed):
     assert ((posterior > 0) & (posterior < 1)).all()
     rng = np.random.default_rng(seed)
     t, m = rng.permutation(4), rng.permutation(5)
-    beta2, posterior2 = method(np.ascontiguousarray(log_ratio[np.ix_(t, m)]), existence[t], detect[t])
-    np.testing.assert_allclose(beta2, np.column_stack([beta[t, :1], beta[np.ix_(t, m + 1)]]), rtol=1e-12, atol=1e-300)
+    beta2, posterior2 = method(
+        np.ascontiguousarray(log_ratio[np.ix_(t, m)]), existence[t], detect[t]
+    )
+    np.testing.assert_allclose(
+        beta2, np.column_stack([beta[t, :1], beta[np.ix_(t, m + 1)]]), rtol=1e-12, atol=1e-300
+    )
     np.testing.assert_allclose(posterior2, posterior[t], rtol=1e-12)
 
 
@@ -160,7 +211,9 @@ def test_empty_scan_and_no_track(method):
     existence, detect = np.array([0.9, 0.3]), np.array([0.8, 0.6])
     beta, posterior = method(np.empty((2, 0)), existence, detect)
     np.testing.assert_array_equal(beta, np.ones((2, 1)))
-    np.testing.assert_allclose(posterior, (1 - detect) * existence / (1 - detect * existence), rtol=1e-14)
+    np.testing.assert_allclose(
+        posterior, (1 - detect) * existence / (1 - detect * existence), rtol=1e-14
+    )
     beta, posterior = method(np.empty((0, 3)), np.empty(0), np.empty(0))
     assert beta.shape == (0, 4)
     assert posterior.shape == (0,)
@@ -169,11 +222,21 @@ def test_empty_scan_and_no_track(method):
 def log_enumeration(log_ratio, existence, detect):
     """The marginals of jipda_spec with every weight a logarithm."""
     T, M = log_ratio.shape
-    events = [e for e in itertools.product(range(M + 1), repeat=T) if len(set(e) - {0}) == sum(m > 0 for m in e)]
-    log_w = np.column_stack([np.log1p(-detect * existence), np.log(detect * existence)[:, None] + log_ratio])
+    events = [
+        e
+        for e in itertools.product(range(M + 1), repeat=T)
+        if len(set(e) - {0}) == sum(m > 0 for m in e)
+    ]
+    log_w = np.column_stack(
+        [np.log1p(-detect * existence), np.log(detect * existence)[:, None] + log_ratio]
+    )
     weight = np.array([sum(log_w[t, m] for t, m in enumerate(e)) for e in events])
     joint = [
-        [special.logsumexp([w for w, e in zip(weight, events, strict=True) if e[t] == m]) for m in range(M + 1)] for t in range(T)
+        [
+            special.logsumexp([w for w, e in zip(weight, events, strict=True) if e[t] == m])
+            for m in range(M + 1)
+        ]
+        for t in range(T)
     ]
     return np.exp(np.array(joint) - special.logsumexp(weight))
 
@@ -188,7 +251,9 @@ def test_exact_marginals_survive_any_evidence(size, seed):
     exact = log_enumeration(log_ratio, existence, detect)
     exact[:, 0] *= (1 - detect) * existence / (1 - detect * existence)
     np.testing.assert_allclose(posterior, exact.sum(axis=1), rtol=1e-9)
-    np.testing.assert_allclose(beta, exact / exact.sum(axis=1, keepdims=True), rtol=1e-8, atol=1e-290)
+    np.testing.assert_allclose(
+        beta, exact / exact.sum(axis=1, keepdims=True), rtol=1e-8, atol=1e-290
+    )
 
 
 @pytest.mark.parametrize("method", ALL)
@@ -200,7 +265,8 @@ def test_nothing_overflows(method):
     np.testing.assert_allclose(posterior, 1.0)
 
 
-# Gate ------------------------------------------------------------------------------------------------------------------
+# Gate ---------------------------------------------------------------------------------------------
+# ---------------------
 
 
 def test_gate_holds_its_probability():
@@ -210,11 +276,14 @@ def test_gate_holds_its_probability():
     z = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     inside, log_p = association.candidates(z, np.zeros((1, 2)), D, gamma, 1 - math.exp(-gamma / 2))
     cell = (side[1] - side[0]) ** 2
-    assert np.exp(log_p).sum() * cell == pytest.approx(1.0, abs=2e-3)  # the grid's step across the edge of the ellipse
+    assert np.exp(log_p).sum() * cell == pytest.approx(
+        1.0, abs=2e-3
+    )  # the grid's step across the edge of the ellipse
     assert inside.size * cell == pytest.approx(kalman.ellipse_volume(gamma, D[0]), rel=2e-3)
 
 
-# Amplitude -------------------------------------------------------------------------------------------------------------
+# Amplitude ----------------------------------------------------------------------------------------
+# ---------------------
 
 
 @pytest.mark.parametrize("snr", [0.3, 1.0, 10.0, 100.0])
@@ -228,13 +297,21 @@ def test_amplitude_ratio_has_mean_one_under_noise(snr):
 
 @pytest.mark.parametrize("p_false", [0.5688, 1e-3])
 def test_amplitude_ratio_is_that_of_the_truncated_rayleigh_densities(p_false):
-    """Eqs. (1) to (7) literally, on amplitudes, for two thresholds: the ratio depends on the excess only."""
+    """Eqs. (1) to (7) literally, on amplitudes, for two thresholds: the ratio depends on the excess
+    only.
+    """
     d, tau = 10.0, math.sqrt(-2 * math.log(p_false))
-    p_detect = integrate.quad(lambda a: a / (1 + d) * math.exp(-(a**2) / (2 * (1 + d))), tau, np.inf)[0]
+    p_detect = integrate.quad(
+        lambda a: a / (1 + d) * math.exp(-(a**2) / (2 * (1 + d))), tau, np.inf
+    )[0]
     assert p_detect == pytest.approx(p_false ** (1 / (1 + d)), rel=1e-10)
     a = tau + np.array([0.0, 0.4, 2.0, 5.0])
-    ratio = (a / (1 + d) * np.exp(-(a**2) / (2 * (1 + d))) / p_detect) / (a * np.exp(-(a**2) / 2) / p_false)
-    np.testing.assert_allclose(np.exp(detection.amplitude_ratio((a**2 - tau**2) / 2, np.array([d])))[0], ratio, rtol=1e-9)
+    ratio = (a / (1 + d) * np.exp(-(a**2) / (2 * (1 + d))) / p_detect) / (
+        a * np.exp(-(a**2) / 2) / p_false
+    )
+    np.testing.assert_allclose(
+        np.exp(detection.amplitude_ratio((a**2 - tau**2) / 2, np.array([d])))[0], ratio, rtol=1e-9
+    )
     assert ratio[0] == pytest.approx(1 / (1 + d))
 
 
@@ -246,7 +323,8 @@ def test_amplitude_information_of_both_hypotheses():
     assert target == pytest.approx(10 - math.log(11))
 
 
-# Tracks in Cartesian coordinates ---------------------------------------------------------------------------------------
+# Tracks in Cartesian coordinates
+# ---------------------------------------------------------------------------------------
 
 
 def test_unbiased_conversion_has_the_right_mean():
@@ -272,7 +350,10 @@ def test_one_certain_plot_is_a_kalman_update():
 def test_bound_is_the_kalman_covariance_when_every_plot_arrives():
     rng = np.random.default_rng(4)
     A = rng.normal(size=(2, 4, 4))
-    P, F = A @ np.swapaxes(A, 1, 2) + np.eye(4), np.broadcast_to(np.kron(np.eye(2), [[1.0, 2.0], [0.0, 1.0]]), (5, 2, 4, 4))
+    P, F = (
+        A @ np.swapaxes(A, 1, 2) + np.eye(4),
+        np.broadcast_to(np.kron(np.eye(2), [[1.0, 2.0], [0.0, 1.0]]), (5, 2, 4, 4)),
+    )
     R = np.broadcast_to(np.diag([3.0, 5.0]), (6, 2, 2, 2))
     bound, H = kalman.position_bound(F, R, P, 1.0), np.eye(4)[::2]
     for t in range(2):
@@ -283,7 +364,8 @@ def test_bound_is_the_kalman_covariance_when_every_plot_arrives():
         np.testing.assert_allclose(bound[-1, t], cov, rtol=1e-9)
 
 
-# Bad input -------------------------------------------------------------------------------------------------------------
+# Bad input ----------------------------------------------------------------------------------------
+# ---------------------
 
 GOOD = {
     "z": np.zeros((3, 2)),
@@ -305,10 +387,19 @@ def test_good_input_passes():
         ({"z": np.zeros(4)}, "one row of x and y per plot"),
         ({"D": np.array([np.eye(2), np.ones((2, 2))])}, "covariance of track 1 is singular"),
         ({"D": np.array([np.diag([1.0, np.inf])])}, "covariance of track 0 is singular"),
-        ({"existence": np.array([0.9, 1.0])}, r"existence probability 1 of track 1 is not in \(0, 1\)"),
-        ({"detect": np.array([-0.1, 0.9])}, r"detection probability -0.1 of track 0 is not in \(0, 1\)"),
+        (
+            {"existence": np.array([0.9, 1.0])},
+            r"existence probability 1 of track 1 is not in \(0, 1\)",
+        ),
+        (
+            {"detect": np.array([-0.1, 0.9])},
+            r"detection probability -0.1 of track 0 is not in \(0, 1\)",
+        ),
         ({"density": -1e-5}, "clutter density -1e-05 must be positive"),
-        ({"existence": np.full(17, 0.9), "detect": np.full(17, 0.9)}, "17 tracks in one jipda, the limit is 16"),
+        (
+            {"existence": np.full(17, 0.9), "detect": np.full(17, 0.9)},
+            "17 tracks in one jipda, the limit is 16",
+        ),
     ],
 )
 def test_bad_input_is_refused_in_one_line(change, words):

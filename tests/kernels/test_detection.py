@@ -35,11 +35,15 @@ def test_required_snr_inverts_detection():
 
 def test_no_target_is_a_false_alarm():
     eta = np.linspace(0, 20, 5)
-    np.testing.assert_allclose(detection.detection(eta, 0.0), detection.false_alarm(eta), rtol=1e-15)
+    np.testing.assert_allclose(
+        detection.detection(eta, 0.0), detection.false_alarm(eta), rtol=1e-15
+    )
 
 
 def test_fourth_power_law_and_decibels():
-    assert np.isclose(detection.db(detection.radar_equation(200.0, 1000.0, 100.0)), 30 - 40 * np.log10(2))
+    assert np.isclose(
+        detection.db(detection.radar_equation(200.0, 1000.0, 100.0)), 30 - 40 * np.log10(2)
+    )
     assert np.isclose(detection.linear(detection.db(7.3)), 7.3)
 
 
@@ -54,8 +58,13 @@ def test_false_plots_fire_as_independent_cells():
     rng, n, p = np.random.default_rng(2), 60_000, 0.3
     centre, half, cell = (1030.0, 0.05), (70.0, 0.03), (100.0, 0.04)
     low, high = np.array(centre) - half, np.array(centre) + half
-    edges = [np.arange(np.floor(a / w), np.ceil(b / w) + 1) * w for a, b, w in zip(low, high, cell, strict=True)]
-    shares = [np.diff(np.clip(e, a, b)) / w for e, a, b, w in zip(edges, low, high, cell, strict=True)]
+    edges = [
+        np.arange(np.floor(a / w), np.ceil(b / w) + 1) * w
+        for a, b, w in zip(low, high, cell, strict=True)
+    ]
+    shares = [
+        np.diff(np.clip(e, a, b)) / w for e, a, b, w in zip(edges, low, high, cell, strict=True)
+    ]
     beta = np.outer(*shares).ravel()
     counts, places = np.zeros(n, int), []
     for m, (u, v0, v1) in enumerate(rng.random((n, 3))):
@@ -64,7 +73,11 @@ def test_false_plots_fire_as_independent_cells():
             places.append(plot[1:])
     none = np.prod(1 - beta * p)
     assert abs((counts == 0).mean() - none) < 4 * np.sqrt(none * (1 - none) / n)
-    assert abs(counts.mean() - (beta * p).sum()) < 4 * np.sqrt((beta * p * (1 - beta * p)).sum() / n)
+    assert abs(counts.mean() - (beta * p).sum()) < 4 * np.sqrt(
+        (beta * p * (1 - beta * p)).sum() / n
+    )
     places = np.array(places)
     assert (np.abs(places) <= half).all()
-    np.testing.assert_allclose(places.mean(axis=0) / half, 0, atol=4 / np.sqrt(3 * len(places)) * 1.2)  # uniform in the gate
+    np.testing.assert_allclose(
+        places.mean(axis=0) / half, 0, atol=4 / np.sqrt(3 * len(places)) * 1.2
+    )  # uniform in the gate

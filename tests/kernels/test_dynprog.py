@@ -1,4 +1,6 @@
-"""Dynamic programming against the enumeration of all paths, against SciPy, against closed forms, and under symmetries."""
+"""Dynamic programming against the enumeration of all paths, against SciPy, against closed forms,
+and under symmetries.
+"""
 
 import itertools
 
@@ -15,16 +17,32 @@ LITERAL = np.array([[A ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-
 
 
 def algorithm(name, M):
-    """(number of velocities, slowest, forward pass, path to a state) of an algorithm with maximum speed M; margin M + 1."""
+    """(number of velocities, slowest, forward pass, path to a state) of an algorithm with maximum
+    speed M; margin M + 1.
+    """
     back = dynprog.weighted_path
-    fixed = {"conventional": np.ones(2 * M + 1), "tonissen": np.array([0.0, 1.0, 1.0]), "unweighted": np.ones(3)}
+    fixed = {
+        "conventional": np.ones(2 * M + 1),
+        "tonissen": np.array([0.0, 1.0, 1.0]),
+        "unweighted": np.ones(3),
+    }
     if name == "conventional":
         w = fixed[name]
-        return 1, 0, lambda z, I: dynprog.box_forward(z, w, 0, M + 1, I), lambda I, x: back(I, x, w, ONE, 0)
+        return (
+            1,
+            0,
+            lambda z, I: dynprog.box_forward(z, w, 0, M + 1, I),
+            lambda I, x: back(I, x, w, ONE, 0),
+        )
     v = 1 - M
     if name == "tonissen":
         w = fixed[name]
-        return 2 * M, v, lambda z, I: dynprog.box_forward(z, w, v, M + 1, I), lambda I, x: back(I, x, w, ONE, v)
+        return (
+            2 * M,
+            v,
+            lambda z, I: dynprog.box_forward(z, w, v, M + 1, I),
+            lambda I, x: back(I, x, w, ONE, v),
+        )
     if name == "literal":
         step = dynprog.coupled_path
         return (
@@ -34,13 +52,25 @@ def algorithm(name, M):
         )
     if name == "penalised":
         c, step = np.array([0.4, 0.0, 0.4]), dynprog.penalised_path
-        return 2 * M, v, lambda z, I: dynprog.penalised_forward(z, c, c, v, M + 1, I), lambda I, x: step(I, x, c, c, v)
+        return (
+            2 * M,
+            v,
+            lambda z, I: dynprog.penalised_forward(z, c, c, v, M + 1, I),
+            lambda I, x: step(I, x, c, c, v),
+        )
     w = ASIDE if name == "weighted" else fixed[name]
-    return 2 * M, v, lambda z, I: dynprog.weighted_forward(z, w, w, v, M + 1, I), lambda I, x: back(I, x, w, w, v)
+    return (
+        2 * M,
+        v,
+        lambda z, I: dynprog.weighted_forward(z, w, w, v, M + 1, I),
+        lambda I, x: back(I, x, w, w, v),
+    )
 
 
 def solve(z, name, M):
-    """Value maps without their margin (K, V, V, Nx, Ny), and the best path of states, cells counted from 0."""
+    """Value maps without their margin (K, V, V, Nx, Ny), and the best path of states, cells counted
+    from 0.
+    """
     V, _, forward, back = algorithm(name, M)
     z = dynprog.margin(z, M + 1)
     I = forward(z, np.empty((len(z), V, V, *z.shape[1:])))
@@ -52,11 +82,14 @@ def solve(z, name, M):
 NAMES = ("conventional", "tonissen", "weighted", "literal", "unweighted", "penalised")
 
 
-# The oracle: eqs. (6) to (12) as they are printed, state by state, path by path ----------------------------------------------
+# The oracle: eqs. (6) to (12) as they are printed, state by state, path by path
+# ----------------------------------------------
 
 
 def predecessors(name, x, M, shape):
-    """Pairs (predecessor, deviations) of eqs. (6), (7), (8); the deviations are those of eqs. (9) and (10)."""
+    """Pairs (predecessor, deviations) of eqs. (6), (7), (8); the deviations are those of eqs. (9)
+    and (10).
+    """
     i, j, iv, jv = x
     if name == "conventional":
         every = (((i + m, j + n, 0, 0), (0, 0)) for m in range(-M, M + 1) for n in range(-M, M + 1))
@@ -94,7 +127,10 @@ def paths(name, x, k, z, M):
             yield here + step(name, value, deviation), (*path, x)
 
 
-SIZES = {"conventional": (2, (4, 5), 4), "tonissen": (2, (4, 5), 4)}  # M, grid, frames; the others have 81 predecessors
+SIZES = {
+    "conventional": (2, (4, 5), 4),
+    "tonissen": (2, (4, 5), 4),
+}  # M, grid, frames; the others have 81 predecessors
 
 
 @pytest.mark.parametrize("shift", [0.0, -6.0], ids=["mixed signs", "all negative"])
@@ -119,7 +155,8 @@ def test_some_states_of_the_enumeration_cannot_be_reached():
     assert np.isneginf(I[-1]).any()
 
 
-# Peers and closed forms -----------------------------------------------------------------------------------------------------
+# Peers and closed forms ---------------------------------------------------------------------------
+# --------------------------
 
 
 def test_conventional_forward_pass_is_a_maximum_filter():
@@ -139,13 +176,17 @@ def test_one_frame_is_its_largest_cell(name):
 def test_two_frames_decouple_when_every_cell_can_be_reached():
     z = np.random.default_rng(6).normal(size=(2, 6, 7))
     I, path = solve(np.pad(z, ((0, 0), (8, 8), (8, 8)), constant_values=-99), "conventional", 7)
-    assert [tuple(x) for x in path[:, 2:] - 8] == [np.unravel_index(frame.argmax(), (6, 7)) for frame in z]
+    assert [tuple(x) for x in path[:, 2:] - 8] == [
+        np.unravel_index(frame.argmax(), (6, 7)) for frame in z
+    ]
     assert I[-1].max() == z[0].max() + z[1].max()
 
 
 @pytest.mark.parametrize(("dx", "g"), [((1, 1), 1.0), ((2, 2), 1.0), ((4, 0), A)])
 def test_a_noise_free_track_keeps_a_geometric_share_of_its_energy(dx, g):
-    """Displacement = velocity - m: with the fastest velocity 3 a step of 4 costs one position slack in every frame."""
+    """Displacement = velocity - m: with the fastest velocity 3 a step of 4 costs one position slack
+    in every frame.
+    """
     K = 11
     z = np.full((K, 60, 60), -1e6)
     for k in range(K):
@@ -164,14 +205,21 @@ def test_weighted_equals_coupled_where_the_table_is_a_product():
 
 
 def test_unreachable_final_states_are_counted():
-    """Per axis Tonissen reaches 240 of 300 (position, velocity) pairs in 11 frames of 50 cells; the extended set all but one."""
+    """Per axis Tonissen reaches 240 of 300 (position, velocity) pairs in 11 frames of 50 cells; the
+    extended set all but one.
+    """
     z = np.zeros((11, 50, 50))
     assert np.isneginf(solve(z, "conventional", 3)[0][-1]).mean() == 0
-    assert np.isneginf(solve(z, "tonissen", 3)[0][-1]).mean() == pytest.approx(1 - (240 / 300) ** 2, abs=1e-15)
-    assert np.isneginf(solve(z, "weighted", 3)[0][-1]).mean() == pytest.approx(1 - (299 / 300) ** 2, abs=1e-15)
+    assert np.isneginf(solve(z, "tonissen", 3)[0][-1]).mean() == pytest.approx(
+        1 - (240 / 300) ** 2, abs=1e-15
+    )
+    assert np.isneginf(solve(z, "weighted", 3)[0][-1]).mean() == pytest.approx(
+        1 - (299 / 300) ** 2, abs=1e-15
+    )
 
 
-# Symmetries -----------------------------------------------------------------------------------------------------------------
+# Symmetries ---------------------------------------------------------------------------------------
+# --------------------------
 
 DATA = np.random.default_rng(7).normal(0.5, 1.0, (6, 14, 11))
 
@@ -203,9 +251,13 @@ def test_transposed_data_give_the_transposed_path(name):
 
 @pytest.mark.parametrize("name", ["conventional", "tonissen"])
 def test_reflected_data_give_the_reflected_path(name):
-    """The mirror image of velocity v is 1 - v under the slacks {0, 1}: displacement v - m becomes -(v - m) = (1 - v) - (1 - m)."""
+    """The mirror image of velocity v is 1 - v under the slacks {0, 1}: displacement v - m becomes
+    -(v - m) = (1 - v) - (1 - m).
+    """
     x = cells(DATA, name)
-    np.testing.assert_array_equal(cells(DATA[:, ::-1], name), np.stack((13 - x[:, 0], x[:, 1]), axis=1))
+    np.testing.assert_array_equal(
+        cells(DATA[:, ::-1], name), np.stack((13 - x[:, 0], x[:, 1]), axis=1)
+    )
 
 
 def test_a_larger_set_never_lowers_a_value():
@@ -219,10 +271,13 @@ def test_a_larger_set_never_lowers_a_value():
 def test_single_precision_rounds_and_does_nothing_else():
     z, w = dynprog.margin(DATA.astype(np.float32), 4), ASIDE.astype(np.float32)
     I = dynprog.weighted_forward(z, w, w, -2, 4, np.empty((len(z), 6, 6, *z.shape[1:]), np.float32))
-    np.testing.assert_allclose(I[-1][..., 4:-4, 4:-4], solve(DATA, "weighted", 3)[0][-1], rtol=2e-6, atol=2e-6)
+    np.testing.assert_allclose(
+        I[-1][..., 4:-4, 4:-4], solve(DATA, "weighted", 3)[0][-1], rtol=2e-6, atol=2e-6
+    )
 
 
-# Bad input ------------------------------------------------------------------------------------------------------------------
+# Bad input ----------------------------------------------------------------------------------------
+# --------------------------
 
 
 @pytest.mark.parametrize(
@@ -230,7 +285,10 @@ def test_single_precision_rounds_and_does_nothing_else():
     [
         (np.zeros((5, 5)), "not (K, Nx, Ny)"),
         (np.zeros((2, 0, 5)), "at least one cell"),
-        (np.where(np.arange(24).reshape(2, 3, 4) == 17, np.nan, 0.0), "nan in frame 1, cell (1, 1)"),
+        (
+            np.where(np.arange(24).reshape(2, 3, 4) == 17, np.nan, 0.0),
+            "nan in frame 1, cell (1, 1)",
+        ),
         (np.where(np.arange(24).reshape(2, 3, 4) == 3, np.inf, 0.0), "inf in frame 0, cell (0, 3)"),
     ],
 )
@@ -241,7 +299,9 @@ def test_bad_frames_are_one_line(frames, message):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("slack", [np.ones(4), [1, 0, 1], [1, 1, -1], [np.nan, 1, 1], np.ones((3, 3))])
+@pytest.mark.parametrize(
+    "slack", [np.ones(4), [1, 0, 1], [1, 1, -1], [np.nan, 1, 1], np.ones((3, 3))]
+)
 def test_bad_windows_are_one_line(slack):
     with pytest.raises(ValueError, match="position: ") as error:
         dynprog.weights(slack, "position")
@@ -251,7 +311,9 @@ def test_bad_windows_are_one_line(slack):
 def test_slacks_that_are_no_neighbours_are_refused():
     z = dynprog.margin(np.zeros((2, 12, 12)), 4)
     with pytest.raises(ValueError, match="must be neighbours"):
-        dynprog.box_forward(z, np.array([1.0, 0.0, 1.0, 1.0, 1.0]), -1, 4, np.empty((2, 3, 3, *z.shape[1:])))
+        dynprog.box_forward(
+            z, np.array([1.0, 0.0, 1.0, 1.0, 1.0]), -1, 4, np.empty((2, 3, 3, *z.shape[1:]))
+        )
 
 
 def test_a_margin_that_a_step_could_leave_is_refused():

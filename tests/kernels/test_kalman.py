@@ -1,4 +1,6 @@
-"""Oracles for the Kalman steps: least squares over a whole track, high-order differences, sampled plots, closed forms of gates."""
+"""Oracles for the Kalman steps: least squares over a whole track, high-order differences, sampled
+plots, closed forms of gates.
+"""
 
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ T, Q = 10.0, 0.01
 
 
 def stacked_least_squares(plots, C, q):
-    """Mean and covariance of the last state given all position plots (n, 2), each with covariance C: one dense solve, no recursion.
+    """Mean and covariance of the last state given all position plots (n, 2), each with covariance
+    C: one dense solve, no recursion.
 
     Unknowns are the states of all times; the equations are the plots and x_k - F x_{k-1} = v.
     """
@@ -46,7 +49,9 @@ def test_filter_equals_least_squares_over_the_whole_track():
 
 
 def test_extended_filter_equals_least_squares_in_its_linear_limit():
-    """Far away and precise, range and azimuth are linear: the compiled steps must find the least-squares track."""
+    """Far away and precise, range and azimuth are linear: the compiled steps must find the
+    least-squares track.
+    """
     rng, r, q = np.random.default_rng(4), 3e7, 1e-6
     truth = r + 500 * T * np.arange(8)
     z = np.stack([truth + rng.normal(0, 5, 8), rng.normal(0, 10 / truth)], axis=1)
@@ -57,25 +62,32 @@ def test_extended_filter_equals_least_squares_in_its_linear_limit():
         rhat, ahat, *_ = kalman.gate_polar(x, P, *var)
         kalman.update_polar(x, P, plot[0] - rhat, plot[1] - ahat, *var)
     x_ref, P_ref = stacked_least_squares(kalman.cartesian(z), np.diag([25.0, 100.0]), q)
-    # what is left: two_point knows no process noise between its plots, and 10 m across 30000 km is not quite straight
+    # what is left: two_point knows no process noise between its plots, and 10 m across 30000 km is
+    # not quite straight
     assert (np.abs(x - x_ref) < 0.1 * np.sqrt(np.diag(P_ref))).all()
     np.testing.assert_allclose(np.sqrt(np.diag(P)), np.sqrt(np.diag(P_ref)), rtol=0.01)
 
 
-@pytest.mark.parametrize("x", [[7e4, 350.0, 7.1e4, 355.0], [-2e5, -1.0, 3.0, 500.0], [0.0, 1.0, -1e5, 2.0]])
+@pytest.mark.parametrize(
+    "x", [[7e4, 350.0, 7.1e4, 355.0], [-2e5, -1.0, 3.0, 500.0], [0.0, 1.0, -1e5, 2.0]]
+)
 def test_jacobian_against_fourth_order_differences(x):
     x, h = np.array(x), 1.0
     columns = []
     for e in np.eye(4):
         f = [kalman.residual(kalman.polar(x + c * h * e), kalman.polar(x)) for c in (-2, -1, 1, 2)]
         columns.append((f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h))
-    np.testing.assert_allclose(np.transpose(columns), kalman.polar_jacobian(x), atol=1e-10)  # rounding of 1e5 over 1 m
+    np.testing.assert_allclose(
+        np.transpose(columns), kalman.polar_jacobian(x), atol=1e-10
+    )  # rounding of 1e5 over 1 m
 
 
 def test_noise_of_a_plot_in_metres_against_samples():
     rng, z, R = np.random.default_rng(5), np.array([1e5, 0.7]), np.diag([25.0, 1e-7])
     samples = kalman.cartesian(z + rng.standard_normal((400_000, 2)) * np.sqrt(np.diag(R)))
-    np.testing.assert_allclose(np.cov(samples.T), kalman.polar_noise(z, R), rtol=0.01, atol=10)  # 4 standard errors of a covariance
+    np.testing.assert_allclose(
+        np.cov(samples.T), kalman.polar_noise(z, R), rtol=0.01, atol=10
+    )  # 4 standard errors of a covariance
 
 
 def test_residual_wraps_the_azimuth():
@@ -84,7 +96,9 @@ def test_residual_wraps_the_azimuth():
 
 
 def test_gate_probability_of_the_noisy_plot():
-    """A plot is inside the rectangle of g standard deviations with probability Pr(chi2_1 <= g^2)^2, correlation zero."""
+    """A plot is inside the rectangle of g standard deviations with probability Pr(chi2_1 <= g^2)^2,
+    correlation zero.
+    """
     rng, g = np.random.default_rng(6), 2.0
     D = np.diag([9.0, 4e-6])
     y = rng.standard_normal((200_000, 2)) * np.sqrt(np.diag(D))
@@ -99,12 +113,16 @@ def test_gate_volumes():
     rng = np.random.default_rng(7)
     points = rng.uniform(-10, 10, (400_000, 2))
     area = 400 * (kalman.mahalanobis(points, np.broadcast_to(D, (400_000, 2, 2))) <= 4.0).mean()
-    assert np.isclose(kalman.ellipse_volume(4.0, D), area, rtol=0.02)  # 4 standard errors of the count
+    assert np.isclose(
+        kalman.ellipse_volume(4.0, D), area, rtol=0.02
+    )  # 4 standard errors of the count
 
 
 def test_converged_filter_sees_only_the_plot_noise():
     """No process noise and many plots: the track's own variance vanishes and D tends to R."""
-    x, P = kalman.two_point(np.array([1e5, 0.3]), np.array([1.05e5, 0.3]), (9.0, 1e-7), (9.0, 1e-7), T)
+    x, P = kalman.two_point(
+        np.array([1e5, 0.3]), np.array([1.05e5, 0.3]), (9.0, 1e-7), (9.0, 1e-7), T
+    )
     for _ in range(3000):
         kalman.predict_cv(x, P, T, 0.0)
         _, _, D11, _, D22 = kalman.gate_polar(x, P, 9.0, 1e-7)
@@ -117,7 +135,9 @@ def test_azimuth_is_immaterial():
     """The same flight at two azimuths has the same gate in range and azimuth."""
     sizes = []
     for a in (0.0, 2.3):
-        x, P = kalman.two_point(np.array([1e5, a]), np.array([1.05e5, a]), (9.0, 1e-7), (9.5, 1e-7), T)
+        x, P = kalman.two_point(
+            np.array([1e5, a]), np.array([1.05e5, a]), (9.0, 1e-7), (9.5, 1e-7), T
+        )
         kalman.predict_cv(x, P, T, Q)
         _, _, D11, _, D22 = kalman.gate_polar(x, P, 9.0, 1e-7)
         sizes.append((D11, D22))

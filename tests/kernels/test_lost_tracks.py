@@ -36,10 +36,14 @@ def test_kept_rmse_and_its_error():
     rng = np.random.default_rng(1)
     e, kept = rng.normal(size=(4000, 3, 2, 2)) * [1.0, 3.0], rng.random((4000, 2)) < 0.7
     rmse, influence = score.kept_rmse(e, kept)
-    np.testing.assert_allclose(rmse[:, 1], np.sqrt((e[kept[:, 1], :, 1] ** 2).mean(axis=0)), rtol=1e-12)
+    np.testing.assert_allclose(
+        rmse[:, 1], np.sqrt((e[kept[:, 1], :, 1] ** 2).mean(axis=0)), rtol=1e-12
+    )
     np.testing.assert_allclose(influence.mean(axis=0), 0.0, atol=1e-12)
     resampled = [score.kept_rmse(e[i], kept[i])[0] for i in rng.integers(4000, size=(200, 4000))]
-    np.testing.assert_allclose(score.influence_error(influence), np.std(resampled, axis=0), rtol=0.25)  # 200 replicas: 5 %, 5 sigma
+    np.testing.assert_allclose(
+        score.influence_error(influence), np.std(resampled, axis=0), rtol=0.25
+    )  # 200 replicas: 5 %, 5 sigma
 
 
 def test_no_kept_trial_is_nan():

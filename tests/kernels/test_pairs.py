@@ -16,10 +16,14 @@ CASES = [case for module in MODULES for case in importlib.import_module(module).
 
 def _flat(result):
     """Everything a function returned, as a list of arrays."""
-    return [np.asarray(part) for part in result] if isinstance(result, tuple) else [np.asarray(result)]
+    return (
+        [np.asarray(part) for part in result] if isinstance(result, tuple) else [np.asarray(result)]
+    )
 
 
-@pytest.mark.parametrize(("kernel", "spec", "arguments"), [case[1:] for case in CASES], ids=[case[0] for case in CASES])
+@pytest.mark.parametrize(
+    ("kernel", "spec", "arguments"), [case[1:] for case in CASES], ids=[case[0] for case in CASES]
+)
 def test_kernel_equals_its_specification(kernel, spec, arguments):
     ours, theirs = _flat(kernel(*arguments())), _flat(spec(*arguments()))
     assert len(ours) == len(theirs)
@@ -36,14 +40,20 @@ def _kernels():
             continue
         module = importlib.import_module(f"tbdcore.{about.name}")
         for name, value in vars(module).items():
-            if hasattr(value, "py_func") and value.__module__ == module.__name__ and not name.startswith("_"):
+            if (
+                hasattr(value, "py_func")
+                and value.__module__ == module.__name__
+                and not name.startswith("_")
+            ):
                 yield module, name, value
 
 
 def test_every_kernel_has_a_specification_and_a_case():
     tested = {case[1] for case in CASES}
     for module, name, kernel in _kernels():
-        assert hasattr(module, f"{name}_spec"), f"{module.__name__}.{name} has no {name}_spec beside it"
+        assert hasattr(module, f"{name}_spec"), (
+            f"{module.__name__}.{name} has no {name}_spec beside it"
+        )
         assert kernel in tested, f"{module.__name__}.{name} has no case in a tests/pairs_*.py"
 
 
@@ -54,7 +64,9 @@ def _spec_calls(tree):
             for node in ast.walk(function):
                 called = getattr(node, "func", None) if isinstance(node, ast.Call) else None
                 name = getattr(called, "id", getattr(called, "attr", ""))
-                if name.endswith("_spec") and name != "get_kernel_spec":  # Jupyter's word for a kernel's description
+                if (
+                    name.endswith("_spec") and name != "get_kernel_spec"
+                ):  # Jupyter's word for a kernel's description
                     yield function.name
 
 

@@ -29,7 +29,9 @@ def test_select_refuses_in_one_line(lw):
 
 
 def test_select_is_normalise_and_systematic():
-    """The three results against the functions that have them apart, on weights that span forty decades."""
+    """The three results against the functions that have them apart, on weights that span forty
+    decades.
+    """
     lw = np.random.default_rng(7).normal(0.0, 20.0, 1000)
     W, _ = particles.normalise(lw)
     ancestors, n_eff, different = particles.select(lw, 500, 0.25)
@@ -53,7 +55,9 @@ def test_moments_are_those_of_the_copies():
 
 
 def test_resampling_is_unbiased():
-    """Averaged over the offset, particle n has M W[n] copies: the integral over u, exactly, at all its jumps."""
+    """Averaged over the offset, particle n has M W[n] copies: the integral over u, exactly, at all
+    its jumps.
+    """
     W = np.array([Fraction(k, 24) for k in (1, 5, 0, 7, 3, 8)])
     M = 5
     jumps = sorted({(c * M) % 1 for c in np.cumsum(W)} | {Fraction(0), Fraction(1)})
@@ -92,14 +96,17 @@ def test_existence_against_the_joint_distribution():
     """Predict and update equal Bayes' rule on the four joint events of two frames."""
     P, birth, survive, ratio = 0.3, 0.1, 0.8, 5.0
     joint = {
-        (a, b): (P if a else 1 - P) * ((survive if b else 1 - survive) if a else (birth if b else 1 - birth))
+        (a, b): (P if a else 1 - P)
+        * ((survive if b else 1 - survive) if a else (birth if b else 1 - birth))
         for a in (0, 1)
         for b in (0, 1)
     }
     present = sum(p for (_, b), p in joint.items() if b) * ratio
     absent = sum(p for (_, b), p in joint.items() if not b)
     predicted = particles.existence_predict(P, birth, survive)
-    assert particles.existence_update(predicted, math.log(ratio)) == pytest.approx(present / (present + absent), rel=1e-14)
+    assert particles.existence_update(predicted, math.log(ratio)) == pytest.approx(
+        present / (present + absent), rel=1e-14
+    )
 
 
 def test_existence_at_its_limits():
@@ -116,7 +123,9 @@ def test_existence_at_its_limits():
 
 
 def test_history_travels_with_the_particle():
-    """Every particle writes its own path into its history; after resampling the columns must still be those of the paths."""
+    """Every particle writes its own path into its history; after resampling the columns must still
+    be those of the paths.
+    """
     rng, window, N, births = np.random.default_rng(3), 4, 30, 10
     H, age = np.zeros((window, 1, N + births)), np.zeros(N + births, np.int64)
     paths = [() for _ in range(N + births)]
@@ -128,7 +137,9 @@ def test_history_travels_with_the_particle():
         H, age = particles.inherit(H, age, ancestors, births)
         paths = [paths[a] for a in ancestors] + [()] * births
         for n, path in enumerate(paths):
-            assert sorted(H[:, 0, n]) == sorted([*path[-window:], *[0.0] * (window - len(path[-window:]))])
+            assert sorted(H[:, 0, n]) == sorted(
+                [*path[-window:], *[0.0] * (window - len(path[-window:]))]
+            )
             assert age[n] == len(path)
 
 

@@ -43,7 +43,9 @@ def test_crossing_error_against_simulation():
     curves = rng.binomial(n, p, (3000, 21)) / n
     spread = np.nanstd(score.crossings(x, curves, 0.41))
     se = score.crossing_error(x, p, 0.41, np.sqrt(p * (1 - p) / n))
-    assert np.isclose(se, spread, rtol=4 / math.sqrt(2 * 3000))  # 4 standard errors of a standard deviation
+    assert np.isclose(
+        se, spread, rtol=4 / math.sqrt(2 * 3000)
+    )  # 4 standard errors of a standard deviation
 
 
 def test_rmse_of_known_errors():

@@ -17,22 +17,32 @@ def blob_states(*positions):
 
 
 def blob_ratio(z, *positions, peak=PEAK, noise=NOISE):
-    return sensor.blob_log_ratio(z, blob_states(*positions), np.ones(len(positions), np.int64), peak, BLUR, noise)
+    return sensor.blob_log_ratio(
+        z, blob_states(*positions), np.ones(len(positions), np.int64), peak, BLUR, noise
+    )
 
 
 def test_an_intensity_that_is_no_number_ends_and_is_seen():
     z, place = np.ones((20, 20)), np.array([10.0])
-    out = sensor.coherent_log_ratio(z, place, place, np.array([np.nan]), sensor.Spread(1.44, 0.11, 2, 6))
+    out = sensor.coherent_log_ratio(
+        z, place, place, np.array([np.nan]), sensor.Spread(1.44, 0.11, 2, 6)
+    )
     assert np.isnan(out).all()
 
 
-@pytest.mark.parametrize(("position", "d2"), [((15, 10), 15.13), ((15.5, 10), 13.49), ((15.5, 10.5), 12.03)])
+@pytest.mark.parametrize(
+    ("position", "d2"), [((15, 10), 15.13), ((15.5, 10), 13.49), ((15.5, 10.5), 12.03)]
+)
 def test_blob_energy_depends_on_where_in_the_cell_it_falls(position, d2):
-    """Sum of h**2 / sigma**2, by hand on 5 x 5 cells; the integral I**2 / (4 pi b**2 sigma**2) = 13.54 lies between."""
+    """Sum of h**2 / sigma**2, by hand on 5 x 5 cells; the integral I**2 / (4 pi b**2 sigma**2) =
+    13.54 lies between.
+    """
     h = sensor.blob_image(*position, PEAK, BLUR, (30, 20))
     x, y = position
     hand = sum(
-        (PEAK * math.exp(-((i - x) ** 2 + (j - y) ** 2) / (2 * BLUR**2)) / NOISE) ** 2 for i in range(10, 21) for j in range(5, 16)
+        (PEAK * math.exp(-((i - x) ** 2 + (j - y) ** 2) / (2 * BLUR**2)) / NOISE) ** 2
+        for i in range(10, 21)
+        for j in range(5, 16)
     )
     assert (h**2).sum() / NOISE**2 == pytest.approx(hand, rel=1e-12)
     assert hand == pytest.approx(d2, abs=0.005)
@@ -57,7 +67,9 @@ def test_blob_mean_log_ratio_under_target():
 
 
 def test_blob_mean_ratio_under_noise_is_one():
-    """A likelihood ratio is a density ratio: its mean under noise is 1; at low energy, where the mean can be sampled."""
+    """A likelihood ratio is a density ratio: its mean under noise is 1; at low energy, where the
+    mean can be sampled.
+    """
     rng = np.random.default_rng(9)
     weak = PEAK / 4  # d**2 about 0.9, so the ratio has a variance of exp(0.9) - 1
     z = rng.normal(0, NOISE, (40_000, 5, 5))
@@ -66,24 +78,33 @@ def test_blob_mean_ratio_under_noise_is_one():
     assert np.exp(values).mean() == pytest.approx(1.0, abs=4 * math.sqrt(math.expm1(d2) / 40_000))
 
 
-@pytest.mark.parametrize(("position", "bound"), [((15, 10), 0.393), ((15.4999, 10), 0.352), ((15.4999, 10.4999), 0.289)])
+@pytest.mark.parametrize(
+    ("position", "bound"), [((15, 10), 0.393), ((15.4999, 10), 0.352), ((15.4999, 10.4999), 0.289)]
+)
 def test_blob_curvature_is_the_cramer_rao_bound_of_one_frame(position, bound):
     """Second difference of the mean log-ratio against sum (dh/dx)**2 / sigma**2, in both axes."""
     h = sensor.blob_image(*position, PEAK, BLUR, (30, 20))
     i, j = np.mgrid[1:31, 1:21]
-    fisher = [(((cell - centre) / BLUR**2 * h / NOISE) ** 2).sum() for cell, centre in zip((i, j), position, strict=True)]
+    fisher = [
+        (((cell - centre) / BLUR**2 * h / NOISE) ** 2).sum()
+        for cell, centre in zip((i, j), position, strict=True)
+    ]
     assert math.sqrt(1 / fisher[0] + 1 / fisher[1]) == pytest.approx(bound, abs=0.001)
     e = 1e-4
     x, y = position
     left, middle, right = blob_ratio(h, (x - 2 * e, y), (x - e, y), (x, y))
-    assert -(left - 2 * middle + right) / e**2 == pytest.approx(fisher[0], rel=0.01)  # five columns of a blob between two cells
+    assert -(left - 2 * middle + right) / e**2 == pytest.approx(
+        fisher[0], rel=0.01
+    )  # five columns of a blob between two cells
 
 
 def test_blob_ratio_is_invariant_under_scale_and_whole_cell_shifts():
     rng = np.random.default_rng(10)
     z = rng.normal(0, NOISE, (30, 20))
     here = blob_ratio(z, (12.25, 8.5))
-    assert blob_ratio(4 * z, (12.25, 8.5), peak=4 * PEAK, noise=4 * NOISE) == pytest.approx(here, rel=1e-12)
+    assert blob_ratio(4 * z, (12.25, 8.5), peak=4 * PEAK, noise=4 * NOISE) == pytest.approx(
+        here, rel=1e-12
+    )
     assert blob_ratio(np.roll(z, (3, -2), (0, 1)), (15.25, 6.5)) == pytest.approx(here, rel=1e-12)
     assert blob_ratio(z.T.copy(), (8.5, 12.25)) == pytest.approx(here, rel=1e-12)
 
@@ -107,7 +128,8 @@ def test_zero_signal_has_ratio_one():
     assert (blob_ratio(z, (3, 3), peak=0.0) == 0).all()
 
 
-# Range and azimuth -------------------------------------------------------------------------------------------------------
+# Range and azimuth --------------------------------------------------------------------------------
+# -----------------------
 
 GRID = sensor.polar_grid(11e3, 12e3, math.pi / 4, math.pi / 2, 2.0, math.radians(0.5))
 SPREAD = sensor.Spread(0.36 * 4.0, 1460 * math.radians(0.5) ** 2, 2, 6)
@@ -115,24 +137,36 @@ SPREAD = sensor.Spread(0.36 * 4.0, 1460 * math.radians(0.5) ** 2, 2, 6)
 
 def power_ratio(z, rho, alpha, snr, spread=SPREAD):
     rho, alpha = np.atleast_1d(np.asarray(rho, float)), np.atleast_1d(np.asarray(alpha, float))
-    return sensor.power_log_ratio(z, rho, alpha, np.broadcast_to(np.asarray(snr, float), rho.shape).copy(), spread)
+    return sensor.power_log_ratio(
+        z, rho, alpha, np.broadcast_to(np.asarray(snr, float), rho.shape).copy(), spread
+    )
 
 
 def test_polar_grid_and_cells():
-    """500 x 90 cells; the corner of the region is the corner of cell (1, 1), and azimuth grows from +x towards +y."""
+    """500 x 90 cells; the corner of the region is the corner of cell (1, 1), and azimuth grows from
+    +x towards +y.
+    """
     assert GRID[4:] == (500, 90)
     r, a = GRID.r_min + 2.0 * 7.25, GRID.a_min + math.radians(0.5) * 30.5
-    assert sensor.polar_cells(r * math.cos(a), r * math.sin(a), GRID) == pytest.approx((7.75, 31.0), abs=1e-8)
+    assert sensor.polar_cells(r * math.cos(a), r * math.sin(a), GRID) == pytest.approx(
+        (7.75, 31.0), abs=1e-8
+    )
     with pytest.raises(ValueError, match="range: the region has 333.333 cells"):
         sensor.polar_grid(11e3, 12e3, 0.0, 1.0, 3.0, 0.5)
 
 
 def test_spread_closed_forms():
-    """Footprint pi / sqrt(0.36 x 1460) / (2 m x 0.5 deg) = 7.851 cells; mean of h**2 in the own cell 0.8919 x 0.9908."""
+    """Footprint pi / sqrt(0.36 x 1460) / (2 m x 0.5 deg) = 7.851 cells; mean of h**2 in the own
+    cell 0.8919 x 0.9908.
+    """
     assert sensor.footprint(SPREAD) == pytest.approx(7.851, abs=5e-4)
-    assert sensor.spread_power(250.2, 45.4, SPREAD, (500, 90)).sum() == pytest.approx(7.851, abs=0.01)
+    assert sensor.spread_power(250.2, 45.4, SPREAD, (500, 90)).sum() == pytest.approx(
+        7.851, abs=0.01
+    )
     u = (np.arange(4000) + 0.5) / 4000 - 0.5
-    assert sensor.straddle(SPREAD) == pytest.approx(np.exp(-1.44 * u**2).mean() * np.exp(-SPREAD.la * u**2).mean(), rel=1e-6)
+    assert sensor.straddle(SPREAD) == pytest.approx(
+        np.exp(-1.44 * u**2).mean() * np.exp(-SPREAD.la * u**2).mean(), rel=1e-6
+    )
     assert sensor.straddle(SPREAD) == pytest.approx(0.8919 * 0.9908, abs=1e-4)
 
 
@@ -144,7 +178,9 @@ def test_patch_holds_the_power():
 
 @pytest.mark.parametrize("common", [True, False])
 def test_illuminated_cells_are_exponential_with_the_right_mean(common):
-    """Equation (8): E z = snr h**2 + 1, and variance its square, whichever way the cells depend on each other."""
+    """Equation (8): E z = snr h**2 + 1, and variance its square, whichever way the cells depend on
+    each other.
+    """
     rng, n, snr = np.random.default_rng(5), 20_000, 4.0
     z = rng.standard_exponential((n, 9, 15))
     place = np.full(n, 5.3), np.full(n, 8.2)
@@ -153,11 +189,15 @@ def test_illuminated_cells_are_exponential_with_the_right_mean(common):
     else:
         sensor.illuminate_cells(z, *place, snr, SPREAD)
     mean = 1.0 + snr * sensor.spread_power(5.3, 8.2, SPREAD, (9, 15))
-    assert (abs(z.mean(axis=0) / mean - 1.0) < 4.5 / math.sqrt(n)).all()  # 135 cells: 4.5 standard errors
+    assert (
+        abs(z.mean(axis=0) / mean - 1.0) < 4.5 / math.sqrt(n)
+    ).all()  # 135 cells: 4.5 standard errors
     assert (abs(z.std(axis=0) / mean - 1.0) < 4.5 * math.sqrt(2 / n)).all()
     shared = np.corrcoef(z[:, 4, 7], z[:, 4, 8])[0, 1]
     s = mean - 1.0
-    expected = s[4, 7] * s[4, 8] / (mean[4, 7] * mean[4, 8]) if common else 0.0  # covariance of |A|^2 h1^2 and |A|^2 h2^2
+    expected = (
+        s[4, 7] * s[4, 8] / (mean[4, 7] * mean[4, 8]) if common else 0.0
+    )  # covariance of |A|^2 h1^2 and |A|^2 h2^2
     assert shared == pytest.approx(expected, abs=6 / math.sqrt(n))
 
 
@@ -172,8 +212,12 @@ def test_noise_power_is_the_generators_own_draw(shape):
 
 def test_target_outside_the_area_is_refused():
     z = np.ones((3, 9, 15))
-    with pytest.raises(ValueError, match=r"target at cell \(9.6, 8.0\) is outside the 9 x 15 cells"):
-        sensor.illuminate(z, np.full(3, 9.6), np.full(3, 8.0), np.ones(3), SPREAD, np.random.default_rng(0))
+    with pytest.raises(
+        ValueError, match=r"target at cell \(9.6, 8.0\) is outside the 9 x 15 cells"
+    ):
+        sensor.illuminate(
+            z, np.full(3, 9.6), np.full(3, 8.0), np.ones(3), SPREAD, np.random.default_rng(0)
+        )
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0])
@@ -186,7 +230,9 @@ def test_bad_frames_are_refused_in_one_line(bad):
 
 
 def test_power_ratio_mean_under_noise_is_one():
-    """A ratio of densities averages to one under the lower one; second moment prod (1 + s)**2 / (1 + 2 s), so s is kept small."""
+    """A ratio of densities averages to one under the lower one; second moment prod (1 + s)**2 / (1
+    + 2 s), so s is kept small.
+    """
     rng, n, snr = np.random.default_rng(6), 40_000, 0.15
     z = rng.standard_exponential((n, 7, 15))
     values = np.exp([power_ratio(frame, 4.2, 7.9, snr)[0] for frame in z])
@@ -197,7 +243,10 @@ def test_power_ratio_mean_under_noise_is_one():
 
 def test_power_ratio_peaks_at_the_target_and_is_minus_infinity_off_the_frame():
     z = 1.0 + 9.0 * sensor.spread_power(30.3, 20.6, SPREAD, (60, 40))
-    rho, alpha = (v.ravel() for v in np.meshgrid(np.arange(28, 33, 0.1), np.arange(15, 25, 0.1), indexing="ij"))
+    rho, alpha = (
+        v.ravel()
+        for v in np.meshgrid(np.arange(28, 33, 0.1), np.arange(15, 25, 0.1), indexing="ij")
+    )
     best = np.argmax(power_ratio(z, rho, alpha, 9.0))
     assert (rho[best], alpha[best]) == pytest.approx((30.3, 20.6), abs=0.11)
     assert (power_ratio(z, [0.4, 60.5, 5.0, np.nan], [5.0, 5.0, 40.6, 5.0], 1.0) == -np.inf).all()
@@ -205,7 +254,9 @@ def test_power_ratio_peaks_at_the_target_and_is_minus_infinity_off_the_frame():
 
 
 def test_least_squares_fit_of_a_mismatched_spread():
-    """Wide and narrow assumed spreads, factor c on both decays: the fitted intensity is 2 c / (1 + c) of the true one."""
+    """Wide and narrow assumed spreads, factor c on both decays: the fitted intensity is 2 c / (1 +
+    c) of the true one.
+    """
     spread = sensor.Spread(0.02, 0.02, 60, 60)  # fine cells, so that sums are integrals
     z = 1.0 + 5.0 * sensor.spread_power(100.0, 100.0, spread, (199, 199))
     for c in (0.5, 1.0, 2.0):
@@ -218,15 +269,24 @@ def test_coherent_ratio_equals_adaptive_quadrature():
     rng = np.random.default_rng(7)
     z = rng.standard_exponential((1, 20, 25))
     sensor.illuminate(z, np.array([9.7]), np.array([12.2]), np.array([30.0]), SPREAD, rng)
-    rho, alpha = np.r_[9.7, 9.7 + rng.normal(size=20), 0.6, 20.4, -1.0], np.r_[12.2, 12.2 + 2 * rng.normal(size=20), 1.0, 25.3, 5.0]
+    rho, alpha = (
+        np.r_[9.7, 9.7 + rng.normal(size=20), 0.6, 20.4, -1.0],
+        np.r_[12.2, 12.2 + 2 * rng.normal(size=20), 1.0, 25.3, 5.0],
+    )
     spread, snr = SPREAD._replace(hr=1, ha=4), np.full(rho.size, 4.0)
     exact = sensor.coherent_log_ratio_spec(z[0], rho, alpha, snr, spread)
-    assert sensor.coherent_log_ratio(z[0], rho, alpha, snr, spread, 0.2) == pytest.approx(exact, abs=5e-5)
-    assert sensor.coherent_log_ratio(z[0], rho, alpha, snr, spread) == pytest.approx(exact, abs=1e-2)
+    assert sensor.coherent_log_ratio(z[0], rho, alpha, snr, spread, 0.2) == pytest.approx(
+        exact, abs=5e-5
+    )
+    assert sensor.coherent_log_ratio(z[0], rho, alpha, snr, spread) == pytest.approx(
+        exact, abs=1e-2
+    )
 
 
 def test_coherent_ratio_of_one_cell_is_the_power_ratio():
-    """With one cell there is nothing to share: both likelihoods are the exponential of equation (7)."""
+    """With one cell there is nothing to share: both likelihoods are the exponential of equation
+    (7).
+    """
     z = np.random.default_rng(8).standard_exponential((9, 9)) * 6
     one = SPREAD._replace(hr=0, ha=0)
     rho, alpha, snr = np.arange(1.2, 9), np.arange(1.4, 9), np.linspace(0.5, 9, 8)
@@ -236,7 +296,10 @@ def test_coherent_ratio_of_one_cell_is_the_power_ratio():
 
 def test_coherent_ratio_without_intensity_and_off_the_frame():
     z, place = np.ones((9, 9)), (np.array([4.0, 0.4]), np.array([4.0, 4.0]))
-    assert sensor.coherent_log_ratio(z, *place, np.array([0.0, 2.0]), SPREAD).tolist() == [0.0, -np.inf]
+    assert sensor.coherent_log_ratio(z, *place, np.array([0.0, 2.0]), SPREAD).tolist() == [
+        0.0,
+        -np.inf,
+    ]
 
 
 def test_coherent_ratio_mean_under_noise_is_one():
@@ -252,7 +315,10 @@ def test_coherent_ratio_mean_under_noise_is_one():
 
 
 def test_point_target_adds_its_amplitude_to_one_cell_of_each_frame():
-    noise, cells = np.random.default_rng(0).normal(size=(3, 4, 5)), np.array([[0, 0], [3, 4], [1, 2]])
+    noise, cells = (
+        np.random.default_rng(0).normal(size=(3, 4, 5)),
+        np.array([[0, 0], [3, 4], [1, 2]]),
+    )
     amplitude = sensor.point_amplitude(9.0)
     assert amplitude == pytest.approx(2.8184, abs=5e-5)
     added = sensor.point_frames(noise, cells, amplitude) - noise
@@ -260,7 +326,9 @@ def test_point_target_adds_its_amplitude_to_one_cell_of_each_frame():
     np.testing.assert_allclose([added[k][tuple(cells[k])] for k in range(3)], amplitude, rtol=1e-12)
 
 
-@pytest.mark.parametrize("cells", [[[0, 0]] * 2, [[0, 0], [4, 0], [0, 0]], [[0, 0], [0, 0], [0, -1]]])
+@pytest.mark.parametrize(
+    "cells", [[[0, 0]] * 2, [[0, 0], [4, 0], [0, 0]], [[0, 0], [0, 0], [0, -1]]]
+)
 def test_point_target_outside_the_frame_is_refused_in_one_line(cells):
     with pytest.raises(ValueError, match="point_frames: ") as error:
         sensor.point_frames(np.zeros((3, 4, 5)), np.array(cells), 1.0)

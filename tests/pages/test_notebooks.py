@@ -13,8 +13,14 @@ from tbdcore.repro import claims, pages, paths
 NOTEBOOKS = {path.stem: path for path in sorted(paths.NOTEBOOKS.glob("*.ipynb"))}
 PAPERS = pages.papers()
 COMMON = {"seed": "int", "n_trials": "int", "workers": "int", "scheduler": "str", "out": "str"}
-NO_PATH = re.compile(r"""["'](?:\.{0,2}/|~/|[A-Za-z]:\\)[\w./\\-]*["']|\bopen\(|\bPath\(|\.(?:to|read)_csv\(""")
-MACHINE = re.compile(r"/(?:root|home|Users)/\w|/tm" + r"p/|/wo" + r"rk/|/opt/\w|\.venv|site-packages|ipykernel_\d|0x[0-9a-f]{8,}")
+NO_PATH = re.compile(
+    r"""["'](?:\.{0,2}/|~/|[A-Za-z]:\\)[\w./\\-]*["']|\bopen\(|\bPath\(|\.(?:to|read)_csv\("""
+)
+MACHINE = re.compile(
+    r"/(?:root|home|Users)/\w|/tm"
+    + r"p/|/wo"
+    + r"rk/|/opt/\w|\.venv|site-packages|ipykernel_\d|0x[0-9a-f]{8,}"
+)
 
 
 def cells(name, kind="code"):
@@ -35,14 +41,21 @@ def outputs(name):
 def texts(name):
     """What a notebook shows as text: streams and the textual renderings of results."""
     for count, output in outputs(name):
-        shown = [output.get("text", ""), *(text for kind, text in output.get("data", {}).items() if kind.startswith("text/"))]
+        shown = [
+            output.get("text", ""),
+            *(text for kind, text in output.get("data", {}).items() if kind.startswith("text/")),
+        ]
         for text in shown:
             yield count, "".join(text)
 
 
 def code_lines(name):
     """Lines of code that a notebook runs, without strings and comments that span lines."""
-    return [(number, line) for number, cell in enumerate(cells(name), start=1) for line in source(cell).splitlines()]
+    return [
+        (number, line)
+        for number, cell in enumerate(cells(name), start=1)
+        for line in source(cell).splitlines()
+    ]
 
 
 every_notebook = pytest.mark.parametrize("name", NOTEBOOKS)
@@ -72,7 +85,9 @@ def test_nothing_failed_and_nothing_warned(name):
 def test_nothing_is_skipped(name):
     for number, cell in enumerate(cells(name), start=1):
         tags = cell["metadata"].get("tags", [])
-        assert set(tags) <= {"algorithm", "parameters"}, f"cell {number}: nbval obeys tags such as nbval-skip"
+        assert set(tags) <= {"algorithm", "parameters"}, (
+            f"cell {number}: nbval obeys tags such as nbval-skip"
+        )
         assert not re.search(r"(?i)#\s*(?:nbval|pytest)", source(cell)), f"cell {number}"
 
 
@@ -91,7 +106,9 @@ def test_the_code_is_free_of_what_does_not_belong_on_a_page(name):
         assert not re.match(r"\s*[!%]", line), f"cell {number}: {line}"  # pip, cd, magics
         assert "filterwarnings" not in line, f"cell {number}: {line}"
         assert not NO_PATH.search(line), f"cell {number}: a path: {line}"
-        assert not re.search(r"\bmatplotlib\b|default_rng\((?:\)|\d)|random\.seed", line), f"cell {number}: {line}"
+        assert not re.search(r"\bmatplotlib\b|default_rng\((?:\)|\d)|random\.seed", line), (
+            f"cell {number}: {line}"
+        )
 
 
 def is_code(comment):
@@ -100,9 +117,10 @@ def is_code(comment):
         tree = ast.parse(comment).body
     except SyntaxError:
         return False
-    return any(isinstance(node, ast.Assign | ast.Import | ast.ImportFrom | ast.For | ast.If | ast.Return) for node in tree) or any(
-        isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) for node in tree
-    )
+    return any(
+        isinstance(node, ast.Assign | ast.Import | ast.ImportFrom | ast.For | ast.If | ast.Return)
+        for node in tree
+    ) or any(isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) for node in tree)
 
 
 @every_notebook
@@ -134,10 +152,14 @@ def test_metadata_is_clean(name):
 @every_paper
 def test_parameters_come_first_and_are_complete(paper):
     name = pages.path(paper).stem
-    tagged = [i for i, cell in enumerate(cells(name)) if "parameters" in cell["metadata"].get("tags", [])]
+    tagged = [
+        i for i, cell in enumerate(cells(name)) if "parameters" in cell["metadata"].get("tags", [])
+    ]
     assert len(tagged) == 1
     for cell in cells(name)[: tagged[0]]:  # imports only
-        assert all(isinstance(node, ast.Import | ast.ImportFrom) for node in ast.parse(source(cell)).body)
+        assert all(
+            isinstance(node, ast.Import | ast.ImportFrom) for node in ast.parse(source(cell)).body
+        )
     known = pages.parameters(paper)
     assert {parameter.name: parameter.type for parameter in list(known.values())[:5]} == COMMON
 
@@ -147,7 +169,9 @@ def test_every_parameter_says_what_it_may_be(paper):
     for parameter in pages.parameters(paper).values():
         assert parameter.meaning, parameter.name
         if parameter.type in ("int", "float", "list"):
-            assert parameter.low > -math.inf or parameter.high < math.inf, f"{parameter.name} has no range"
+            assert parameter.low > -math.inf or parameter.high < math.inf, (
+                f"{parameter.name} has no range"
+            )
         elif parameter.type == "str" and parameter.name not in pages.PLUMBING:
             assert parameter.choices, f"{parameter.name} has no choices"
         assert parameter.coerce(parameter.default) == parameter.default
@@ -175,7 +199,9 @@ def test_a_notebook_begins_and_publishes(paper):
 
 @every_paper
 def test_every_claim_of_the_paper_has_its_verdict(paper):
-    """In the committed verdicts; only the chapter whose text says why may leave a claim `inconclusive`."""
+    """In the committed verdicts; only the chapter whose text says why may leave a claim
+    `inconclusive`.
+    """
     table = claims.verdicts(paper)
     rows = claims.read(paper)
     assert set(table["verdict"]) <= set(claims.VERDICTS)

@@ -1,4 +1,6 @@
-"""The algorithm of the dp_tbd notebook on your own frames: certain cases, closed forms, and what it refuses."""
+"""The algorithm of the dp_tbd notebook on your own frames: certain cases, closed forms, and what it
+refuses.
+"""
 
 import itertools
 from dataclasses import replace
@@ -26,7 +28,9 @@ def test_a_strong_straight_target_is_followed_by_all_three(page, p):
     z = sensor.point_frames(np.random.default_rng(0).normal(size=(p.K, *p.grid)), cells, 12.0)
     for track in page.run(z, p):
         np.testing.assert_array_equal(track.cells, cells)
-    assert page.run(z, p).tonissen.value == pytest.approx(z[np.arange(p.K), *cells.T].sum(), rel=1e-12)
+    assert page.run(z, p).tonissen.value == pytest.approx(
+        z[np.arange(p.K), *cells.T].sum(), rel=1e-12
+    )
 
 
 def test_a_strong_turning_target_is_lost_by_tonissen_alone(page, p):
@@ -53,14 +57,24 @@ def test_tonissen_has_no_path_near_a_strong_turn_by_propagating_sets(p, page):
 
 def test_targets_stay_in_the_region_for_every_turn_rate_and_noise_that_may_be_given(page, p):
     known, rng = pages.parameters("dp_tbd"), np.random.default_rng(6)
-    corners = itertools.product(*((1e3 * lo, 1e3 * hi - 1e-3) for lo, hi in (p.x0, p.y0)), p.v0, p.v0)
-    for omega, x1 in itertools.product(np.linspace(known["turn_rates"].low, known["turn_rates"].high, 12), map(np.array, corners)):
+    corners = itertools.product(
+        *((1e3 * lo, 1e3 * hi - 1e-3) for lo, hi in (p.x0, p.y0)), p.v0, p.v0
+    )
+    for omega, x1 in itertools.product(
+        np.linspace(known["turn_rates"].low, known["turn_rates"].high, 12), map(np.array, corners)
+    ):
         cells = page.truth(omega, x1, p, None)[1]
         assert cells.min() >= 0
         assert cells.max() < 50
         sensor.point_frames(np.zeros((p.K, *p.grid), np.float32), cells, 1.0)
     noisy = replace(p, process_noise=known["process_noise"].high)
-    cells = np.array([page.truth(omega, page.start(p, rng), noisy, rng)[1] for omega in p.turn_rates for _ in range(10)])
+    cells = np.array(
+        [
+            page.truth(omega, page.start(p, rng), noisy, rng)[1]
+            for omega in p.turn_rates
+            for _ in range(10)
+        ]
+    )
     assert cells.min() >= 0
     assert cells.max() < 50
 
@@ -82,7 +96,9 @@ def test_turn_is_the_printed_matrix_and_its_limit(page):
     np.testing.assert_allclose(page.turn(w, T), printed, rtol=1e-13)
     np.testing.assert_allclose(page.turn(1e-9, T), page.turn(0.0, T), atol=1e-8)
     order = [0, 2, 1, 3]
-    np.testing.assert_array_equal(page.turn(w, T)[np.ix_(order, order)], motion.coordinated_turn(w, T))
+    np.testing.assert_array_equal(
+        page.turn(w, T)[np.ix_(order, order)], motion.coordinated_turn(w, T)
+    )
 
 
 def test_process_noise_is_an_acceleration_constant_during_a_scan(page, p):
@@ -95,14 +111,18 @@ def test_process_noise_is_an_acceleration_constant_during_a_scan(page, p):
 
 def test_no_weight_and_both_readings_are_the_extended_set(page, p):
     z = np.random.default_rng(7).normal(size=(4, *p.grid))
-    one, two = (page.run(z, replace(p, a=1.0, reading=reading)).weighted for reading in ("m", "m-r"))
+    one, two = (
+        page.run(z, replace(p, a=1.0, reading=reading)).weighted for reading in ("m", "m-r")
+    )
     assert one.value == two.value
     np.testing.assert_array_equal(one.cells, two.cells)
 
 
 def test_square_law_squares(page, p):
     z = np.random.default_rng(8).normal(size=(3, *p.grid))
-    assert page.run(z, replace(p, square_law=True)).weighted.value == page.run(z**2, p).weighted.value
+    assert (
+        page.run(z, replace(p, square_law=True)).weighted.value == page.run(z**2, p).weighted.value
+    )
 
 
 def test_following_implies_finding(page, p):
@@ -134,7 +154,10 @@ def test_a_scenario_that_cannot_be_meant_is_refused_in_one_line(p, change, word)
 
 
 def test_frames_that_do_not_fit_are_refused_in_one_line(page, p):
-    for z, word in ((np.zeros((3, 50, 49)), "fit the grid"), (np.full((2, 50, 50), np.nan), "nan in frame 0")):
+    for z, word in (
+        (np.zeros((3, 50, 49)), "fit the grid"),
+        (np.full((2, 50, 50), np.nan), "nan in frame 0"),
+    ):
         with pytest.raises(ValueError, match=word) as error:
             page.run(z, p)
         assert "\n" not in str(error.value)
@@ -153,4 +176,7 @@ def test_a_target_that_leaves_the_region_is_refused_and_not_clipped(page, p):
 
 def test_the_margin_is_as_wide_as_the_longest_step(page, p):
     assert page.reach(p) == p.M + p.slack_pos
-    assert page.prepare(np.zeros((1, *p.grid)), p).shape == dynprog.margin(np.zeros((1, *p.grid)), 4).shape
+    assert (
+        page.prepare(np.zeros((1, *p.grid)), p).shape
+        == dynprog.margin(np.zeros((1, *p.grid)), 4).shape
+    )

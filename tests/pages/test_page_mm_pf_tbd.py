@@ -23,13 +23,17 @@ def classic(page, **change):
 
 
 def enumerate_bayes(page, z, p, mix):
-    """Existence by a recursion over whole histories: (birth state, birth frame, word over CV and CT), one dictionary per frame.
+    """Existence by a recursion over whole histories: (birth state, birth frame, word over CV and
+    CT), one dictionary per frame.
 
-    Nothing is shared with the page: motion by the rotation of the velocity along the arc, likelihood by a double loop.
+    Nothing is shared with the page: motion by the rotation of the velocity along the arc,
+    likelihood by a double loop.
     """
     Pi, s, omega = p.prior.Pi, p.scene, p.prior.left[0]
     births = {
-        (tuple(state[:4]), r): q / len(p.prior.lattice) for state in p.prior.lattice for r, q in ((1, p.prior.cv), (2, p.prior.ct))
+        (tuple(state[:4]), r): q / len(p.prior.lattice)
+        for state in p.prior.lattice
+        for r, q in ((1, p.prior.cv), (2, p.prior.ct))
     }
 
     def moved(state, r):
@@ -38,13 +42,22 @@ def enumerate_bayes(page, z, p, mix):
             return (x + vx, vx, y + vy, vy)
         v, heading = np.hypot(vx, vy), np.arctan2(vy, vx)
         chord, half = v * np.sin(omega / 2) / (omega / 2), heading + omega / 2
-        return (x + chord * np.cos(half), v * np.cos(heading + omega), y + chord * np.sin(half), v * np.sin(heading + omega))
+        return (
+            x + chord * np.cos(half),
+            v * np.cos(heading + omega),
+            y + chord * np.sin(half),
+            v * np.sin(heading + omega),
+        )
 
     def ratio(frame, state):
         total = 0.0
         for i in range(1, s.nx + 1):
             for j in range(1, s.ny + 1):
-                h = s.amplitude / (2 * np.pi * s.blur**2) * np.exp(-((i - state[0]) ** 2 + (j - state[2]) ** 2) / (2 * s.blur**2))
+                h = (
+                    s.amplitude
+                    / (2 * np.pi * s.blur**2)
+                    * np.exp(-((i - state[0]) ** 2 + (j - state[2]) ** 2) / (2 * s.blur**2))
+                )
                 total += h * (2 * frame[i - 1, j - 1] - h) / (2 * s.noise**2)
         return np.exp(total)
 
@@ -73,7 +86,9 @@ def enumerate_bayes(page, z, p, mix):
 @pytest.fixture(scope="module")
 def lattice(page):
     """A 5 by 4 image, four frames, eight birth states, all three regimes at work."""
-    states = tuple((x, vx, y, 0.25, 0.5) for x in (2.0, 4.0) for y in (2.0, 3.0) for vx in (-0.5, 0.5))
+    states = tuple(
+        (x, vx, y, 0.25, 0.5) for x in (2.0, 4.0) for y in (2.0, 3.0) for vx in (-0.5, 0.5)
+    )
     short = page.Scene(
         nx=5,
         ny=4,
@@ -93,10 +108,19 @@ def lattice(page):
 
 @pytest.mark.parametrize(("new", "mix"), [(0, 0.0), (1, 0.5)])
 def test_particles_converge_to_exact_bayes(page, lattice, new, mix):
-    """Mean of 60 runs within 4 standard errors (and the O(1/M) bias) of the enumeration; the improved filter at the mixed prior."""
+    """Mean of 60 runs within 4 standard errors (and the O(1/M) bias) of the enumeration; the
+    improved filter at the mixed prior.
+    """
     p, z = lattice
     exact = enumerate_bayes(page, z, p, mix)
-    runs = np.array([page.run(z, replace(p, M=4000, M_new=4000 * new), np.random.default_rng([3, i])).existence for i in range(60)])
+    runs = np.array(
+        [
+            page.run(
+                z, replace(p, M=4000, M_new=4000 * new), np.random.default_rng([3, i])
+            ).existence
+            for i in range(60)
+        ]
+    )
     assert (np.abs(runs.mean(axis=0) - exact) < 4 * runs.std(axis=0) / np.sqrt(60) + 2 / 4000).all()
 
 
@@ -105,7 +129,10 @@ def test_the_error_falls_with_the_square_root_of_the_particles(page, lattice):
     exact = enumerate_bayes(page, z, p, 0.0)
 
     def error(M):
-        runs = [page.run(z, replace(p, M=M, M_new=0), np.random.default_rng([4, i])).existence for i in range(40)]
+        runs = [
+            page.run(z, replace(p, M=M, M_new=0), np.random.default_rng([4, i])).existence
+            for i in range(40)
+        ]
         return np.sqrt(np.mean((np.array(runs) - exact) ** 2))
 
     assert error(200) / error(12_800) == pytest.approx(8, rel=0.4)
@@ -117,7 +144,9 @@ def test_the_notebooks_own_enumeration_agrees(page, lattice, mix):
     assert np.allclose(page.exact(z, p, mix), enumerate_bayes(page, z, p, mix), rtol=1e-10)
 
 
-@pytest.mark.parametrize(("new", "limit", "first"), [(0, 0.5, (0.18, 0.244)), (1, 7 / 30, (0.18, 0.212))])
+@pytest.mark.parametrize(
+    ("new", "limit", "first"), [(0, 0.5, (0.18, 0.244)), (1, 7 / 30, (0.18, 0.212))]
+)
 def test_without_signal_the_filter_is_its_prior(page, new, limit, first):
     """Chain to 1/2, mixed with new particles to 7/30; 40 000 particles, neighbours dependent."""
     blind = page.Scene(amplitude=0.0)
@@ -158,7 +187,14 @@ def test_a_strong_target_is_found_at_once_and_held(page):
 
 def test_the_path_is_the_one_of_the_text(page):
     states, r = page.path(page.Scene())
-    expected = {7: (5.0, 2.0), 21: (14.10, 2.00), 27: (16.21, 4.66), 37: (14.73, 10.99), 43: (16.06, 14.41), 55: (22.50, 18.81)}
+    expected = {
+        7: (5.0, 2.0),
+        21: (14.10, 2.00),
+        27: (16.21, 4.66),
+        37: (14.73, 10.99),
+        43: (16.06, 14.41),
+        55: (22.50, 18.81),
+    }
     for k, position in expected.items():
         assert states[k - 1, [0, 2]] == pytest.approx(position, abs=0.005)
     assert [int((r == m).sum()) for m in (0, 1, 2)] == [11, 37, 12]
@@ -166,7 +202,14 @@ def test_the_path_is_the_one_of_the_text(page):
 
 
 @pytest.mark.parametrize(
-    "change", [{}, {"speed": 0.4, "heading": 0.3}, {"turns": (0.0, -0.4), "speed": 0.4, "y": 12.0}, {"frames": 30}, {"frames": 3}]
+    "change",
+    [
+        {},
+        {"speed": 0.4, "heading": 0.3},
+        {"turns": (0.0, -0.4), "speed": 0.4, "y": 12.0},
+        {"frames": 30},
+        {"frames": 3},
+    ],
 )
 def test_the_walk_that_is_checked_is_the_path_that_is_flown(page, change):
     """The complex plane against the paper's matrices."""
@@ -176,7 +219,9 @@ def test_the_walk_that_is_checked_is_the_path_that_is_flown(page, change):
     assert np.allclose(np.column_stack([walk.real, walk.imag]), states[:, [0, 2]], rtol=1e-12)
 
 
-@pytest.mark.parametrize(("M", "alive", "says"), [(2000, 1300, True), (2000, 1299, False), (20, 13, True)])
+@pytest.mark.parametrize(
+    ("M", "alive", "says"), [(2000, 1300, True), (2000, 1299, False), (20, 13, True)]
+)
 def test_the_threshold_counts_whole_particles(page, M, alive, says):
     rows = [(np.array([M - alive, alive, 0]), np.zeros(5), False, 1.0, 1)]
     assert page.collect(rows, page.Params(M=M)).declared[0] == says
@@ -198,8 +243,12 @@ BAD = {
     "negative amplitude": lambda page: page.Scene(amplitude=-1),
     "no noise": lambda page: page.Scene(noise=0.0),
     "wide blob": lambda page: page.Scene(blur=2.0),
-    "frames of another image": lambda page: page.run(np.zeros((3, 20, 30)), page.Params(), np.random.default_rng(0)),
-    "a NaN cell": lambda page: page.run(np.full((3, 30, 20), np.nan), page.Params(), np.random.default_rng(0)),
+    "frames of another image": lambda page: page.run(
+        np.zeros((3, 20, 30)), page.Params(), np.random.default_rng(0)
+    ),
+    "a NaN cell": lambda page: page.run(
+        np.full((3, 30, 20), np.nan), page.Params(), np.random.default_rng(0)
+    ),
 }
 
 

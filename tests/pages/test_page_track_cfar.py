@@ -1,4 +1,6 @@
-"""The page of the constant-track-false-alarm paper, run as the page shows it, against oracles of its own."""
+"""The page of the constant-track-false-alarm paper, run as the page shows it, against oracles of
+its own.
+"""
 
 import itertools
 import math
@@ -23,10 +25,14 @@ def p(page):
 
 
 def flights(page, p, z, d, n, seed):
-    """Flights of the page, one after the other: when they died, which frames hit, and the design's eta."""
+    """Flights of the page, one after the other: when they died, which frames hit, and the design's
+    eta.
+    """
 
     def trial(seed, i):
-        return page.fly(page.simulate(z, p, trials.generator(seed, "track_cfar", "test", i, "noise")), z, d)
+        return page.fly(
+            page.simulate(z, p, trials.generator(seed, "track_cfar", "test", i, "noise")), z, d
+        )
 
     return trials.run(trial, n, seed=seed, workers=1)
 
@@ -45,7 +51,9 @@ def test_traditional_chain_is_the_known_one(page, p):
 
 
 def test_chain_equals_the_tree_of_miss_histories(page, p):
-    """With a target that is detected with known probabilities, every history of the first frames enumerated."""
+    """With a target that is detected with known probabilities, every history of the first frames
+    enumerated.
+    """
     short = replace(p, frames=7)
     z, P_f = page.truth(short), 1e-6
     P_d = P_f ** (1 / (1 + page.snr(z[2:, 0], replace(short, snr0_db=14.0))))
@@ -57,7 +65,9 @@ def test_chain_equals_the_tree_of_miss_histories(page, p):
         deaths = [k for k in range(3, 8) if history[k - 3 : k] == (0, 0, 0)]
         assert bool(deaths) == (max(runs) >= 3)
         alive[: deaths[0] if deaths else 8] += weight
-    np.testing.assert_allclose(life.after, alive[1:], atol=1e-4)  # false plots: 1e-6 in each of some tens of cells
+    np.testing.assert_allclose(
+        life.after, alive[1:], atol=1e-4
+    )  # false plots: 1e-6 in each of some tens of cells
 
 
 def test_flights_follow_the_chain(page, p):
@@ -82,9 +92,14 @@ def test_vanished_target_leaves_the_design_probability(page, p):
 def test_compiled_flight_equals_run(page, p):
     """The page's own comparison, with other scenes."""
     z = page.truth(p)
-    scene = page.simulate(z, p, trials.generator(9, "track_cfar", "test", 0, "noise"))._replace(u=np.ones(p.frames))
+    scene = page.simulate(z, p, trials.generator(9, "track_cfar", "test", 0, "noise"))._replace(
+        u=np.ones(p.frames)
+    )
     plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
-    scans = [np.array([[*plot, lam]]) for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)]
+    scans = [
+        np.array([[*plot, lam]])
+        for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)
+    ]
     slow = [track.eta for track in page.run(scans, p)]
     died, _, eta = page.fly(scene, z, page.design(p))
     assert len(slow) == min(died + 1, p.frames)
@@ -101,24 +116,37 @@ def test_compiled_flight_equals_run(page, p):
     ],
 )
 def test_compiled_flight_equals_run_at_the_ends_of_the_ranges(page, p, change, capped):
-    """Where the cap on eq. (13) acts from the first frame on, and where the counter has one state or ten."""
+    """Where the cap on eq. (13) acts from the first frame on, and where the counter has one state
+    or ten.
+    """
     p = replace(p, **change)
     z = page.truth(p)
-    scene = page.simulate(z, p, trials.generator(9, "track_cfar", "test", 0, "noise"))._replace(u=np.ones(p.frames))
+    scene = page.simulate(z, p, trials.generator(9, "track_cfar", "test", 0, "noise"))._replace(
+        u=np.ones(p.frames)
+    )
     plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
-    scans = [np.array([[*plot, lam]]) for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)]
+    scans = [
+        np.array([[*plot, lam]])
+        for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)
+    ]
     slow = page.run(scans, p)
     died, _, eta = page.fly(scene, z, page.design(p))
     assert len(slow) == min(died + 1, p.frames)
-    np.testing.assert_allclose([track.eta for track in slow], eta[: len(slow)], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        [track.eta for track in slow], eta[: len(slow)], rtol=1e-9, atol=1e-12
+    )
     assert (eta[0] == 0) == capped
 
 
 def test_without_a_target_the_chain_keeps_its_promise_and_the_cap_makes_it_smaller(page, p):
     strong = replace(p, snr0_db=60.0, frames=p.miss_limit)
-    assert math.isclose(page.chain(replace(strong, gate_g=1e9), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12)
+    assert math.isclose(
+        page.chain(replace(strong, gate_g=1e9), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12
+    )
     assert page.chain(strong, vanish=0).after[-1] < 0.5 * p.track_pfa
-    assert math.isclose(page.chain(replace(strong, snr0_db=0.0), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12)
+    assert math.isclose(
+        page.chain(replace(strong, snr0_db=0.0), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12
+    )
 
 
 def test_filter_is_consistent_in_the_nominal_scene(page, p):
@@ -130,7 +158,9 @@ def test_filter_is_consistent_in_the_nominal_scene(page, p):
         plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
         track = page.run([np.array([[*plot, np.inf]]) for plot in plots[: k + 3]], p)[k]
         r, a = z[k + 2]
-        state = np.array([r * math.cos(a), p.speed * math.cos(a), r * math.sin(a), p.speed * math.sin(a)])
+        state = np.array(
+            [r * math.cos(a), p.speed * math.cos(a), r * math.sin(a), p.speed * math.sin(a)]
+        )
         nees.append((track.x - state) @ np.linalg.solve(track.P, track.x - state))
     assert abs(np.mean(nees) - 4) < 4 * math.sqrt(8 / n)
 
@@ -149,7 +179,13 @@ def test_exact_frame_probability_is_never_below_the_approximation(page, p):
 def test_threshold_has_its_floor(page, p):
     """D is never smaller than R, so eta >= ln(32 / (P_Z S)) with the default accuracies."""
     z = page.truth(p)
-    _, _, eta = page.fly(page.simulate(z, p, trials.generator(6, "track_cfar", "test", 0, "noise")), z, page.design(p))
+    _, _, eta = page.fly(
+        page.simulate(z, p, trials.generator(6, "track_cfar", "test", 0, "noise")),
+        z,
+        page.design(p),
+    )
     alive = np.isfinite(eta)
     floor = np.log(32 / (page.frame_pfa(p) * page.snr(z[2:, 0], p)))
-    assert (eta[alive] > floor[alive] - 0.2).all()  # S at the predicted range differs a little from S at the true one
+    assert (
+        eta[alive] > floor[alive] - 0.2
+    ).all()  # S at the predicted range differs a little from S at the true one

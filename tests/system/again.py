@@ -1,9 +1,12 @@
-"""Every notebook again, and every product: what the processes of this machine, one for each core, left in build/quick.
+"""Every notebook again, and every product: what the processes of this machine, one for each core,
+left in build/quick.
 
-By one process and by five, one notebook, byte by byte.  By a dask cluster of five workers on another kind of CPU, all of them, byte
-by byte too; only in a PNG may one value of ten thousand be one step of colour off.  The other CPU is the least that there is
-(``other_cpu``), with kernels of its own; its numbers could differ in the last bit of a sum, and what is written must not.
-Run by ``.ci/test`` after ``tbdcore run --quick``, whose products it compares; not collected with the other tests.
+By one process and by five, one notebook, byte by byte.  By a dask cluster of five workers on
+another kind of CPU, all of them, byte by byte too; only in a PNG may one value of ten thousand be
+one step of colour off.  The other CPU is the least that there is (``other_cpu``), with kernels of
+its own; its numbers could differ in the last bit of a sum, and what is written must not. Run by
+``.ci/test`` after ``tbdcore run --quick``, whose products it compares; not collected with the other
+tests.
 """
 
 import subprocess
@@ -29,7 +32,9 @@ with LocalCluster(**options, dashboard_address=None) as cluster:
 
 @pytest.fixture(scope="module")
 def elsewhere():
-    """Environment of the processes of the other CPU; their compiler's cache outlives the tests, as the machine's own does."""
+    """Environment of the processes of the other CPU; their compiler's cache outlives the tests, as
+    the machine's own does.
+    """
     return other_cpu.environment(CACHE)
 
 
@@ -38,15 +43,23 @@ def scheduler(elsewhere):
     """Address of a cluster in a process of its own."""
     pytest.importorskip("distributed")
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen([sys.executable, "-c", CLUSTER], text=True, env=elsewhere, **pipes) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", CLUSTER], text=True, env=elsewhere, **pipes
+    ) as process:
         yield process.stdout.readline().strip()
         process.kill()
 
 
 def alike(one, other):
-    """Whether two pictures differ by no more than one step of 8-bit colour, in no more than one value of ten thousand."""
+    """Whether two pictures differ by no more than one step of 8-bit colour, in no more than one
+    value of ten thousand.
+    """
     one, other = (np.round(255 * image.imread(file)).astype(int) for file in (one, other))
-    return one.shape == other.shape and np.abs(one - other).max() <= 1 and np.mean(one != other) <= 1e-4
+    return (
+        one.shape == other.shape
+        and np.abs(one - other).max() <= 1
+        and np.mean(one != other) <= 1e-4
+    )
 
 
 def contents(folder):
@@ -67,9 +80,14 @@ def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
 def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, scheduler, tmp_path):
     words = ["run", paper, "--quick", "--scheduler", scheduler, "--out", str(tmp_path)]
     subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True, env=elsewhere)
-    here, there = ({file.name: file for file in folder.iterdir()} for folder in (paths.BUILD / "quick" / paper, tmp_path / paper))
+    here, there = (
+        {file.name: file for file in folder.iterdir()}
+        for folder in (paths.BUILD / "quick" / paper, tmp_path / paper)
+    )
     assert here.keys() == there.keys()
     assert len([name for name in here if name.endswith(".csv")]) > 5
     assert list(CACHE.rglob("*.nbi")), "no kernel was compiled for the other CPU"
     changed = [name for name in here if here[name].read_bytes() != there[name].read_bytes()]
-    assert [name for name in changed if not (name.endswith(".png") and alike(here[name], there[name]))] == []
+    assert [
+        name for name in changed if not (name.endswith(".png") and alike(here[name], there[name]))
+    ] == []

@@ -1,9 +1,11 @@
-"""The committed products against those of a fresh execution of the notebooks, and what is made from them.
+"""The committed products against those of a fresh execution of the notebooks, and what is made from
+them.
 
-`make test` executes the notebooks with nbval first, their products in build/nbval, and then runs this file by its name
-(``pytest`` by name); it is not collected otherwise.  Data, tables and verdicts must agree line by line; the last of
-six digits may differ by one, since on another CPU a sum may end in another bit.  A
-PNG may differ in one value of ten thousand by one step of colour.  Products and sources belong together: their hash must agree.
+`make test` executes the notebooks with nbval first, their products in build/nbval, and then runs
+this file by its name (``pytest`` by name); it is not collected otherwise.  Data, tables and
+verdicts must agree line by line; the last of six digits may differ by one, since on another CPU a
+sum may end in another bit.  A PNG may differ in one value of ten thousand by one step of
+colour.  Products and sources belong together: their hash must agree.
 """
 
 import json
@@ -15,7 +17,9 @@ from again import alike
 from tbdcore.repro import claims, cli, pages, paths
 
 FRESH = paths.BUILD / "nbval"
-PAGES = sorted({*pages.papers(), *(path.name for path in paths.PRODUCTS.iterdir() if path.is_dir())})  # the index has products too
+PAGES = sorted(
+    {*pages.papers(), *(path.name for path in paths.PRODUCTS.iterdir() if path.is_dir())}
+)  # the index has products too
 TEXT = (".csv", ".md", ".tex", ".json")
 ONE_IN_THE_SIXTH_DIGIT = 1.1e-5
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
@@ -30,7 +34,11 @@ def lines(path):
     """Lines of a file; of a JSON file without the parts that tell versions apart."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".json":
-        about = {key: value for key, value in json.loads(text).items() if key not in ("versions", "sources")}
+        about = {
+            key: value
+            for key, value in json.loads(text).items()
+            if key not in ("versions", "sources")
+        }
         text = json.dumps(about, indent=1, ensure_ascii=False)
     return text.splitlines()
 
@@ -42,7 +50,10 @@ def same(ours, theirs):
     numbers = [[float(number) for number in NUMBER.findall(line)] for line in (ours, theirs)]
     if NUMBER.sub("#", ours) != NUMBER.sub("#", theirs) or len(numbers[0]) != len(numbers[1]):
         return False
-    return all(abs(a - b) <= ONE_IN_THE_SIXTH_DIGIT * max(abs(a), abs(b)) for a, b in zip(*numbers, strict=True))
+    return all(
+        abs(a - b) <= ONE_IN_THE_SIXTH_DIGIT * max(abs(a), abs(b))
+        for a, b in zip(*numbers, strict=True)
+    )
 
 
 def first_difference(committed, fresh):
@@ -83,8 +94,13 @@ def test_every_product_is_complete(paper):
 
 @pytest.mark.parametrize("paper", PAGES)
 def test_products_were_made_from_these_sources(paper):
-    made = {json.loads(about.read_text(encoding="utf-8"))["sources"] for about in (paths.PRODUCTS / paper).glob("*.json")}
-    assert made == {pages.sources(paper)}, f"the sources have changed since; refresh: tbdcore run {paper} --in-place"
+    made = {
+        json.loads(about.read_text(encoding="utf-8"))["sources"]
+        for about in (paths.PRODUCTS / paper).glob("*.json")
+    }
+    assert made == {pages.sources(paper)}, (
+        f"the sources have changed since; refresh: tbdcore run {paper} --in-place"
+    )
 
 
 def test_scorecard_and_readme_are_current(capsys):

@@ -1,6 +1,7 @@
 """The same digits from one worker and from five, from a dask cluster, and from a second run.
 
-Trials of all five papers by the algorithm cells of their notebooks, to the last bit.  Whole notebooks are compared in ``again.py``.
+Trials of all five papers by the algorithm cells of their notebooks, to the last bit.  Whole
+notebooks are compared in ``again.py``.
 """
 
 import numpy as np
@@ -18,7 +19,11 @@ def few():
 
 def unequal(one, other):
     """Positions of the fields whose bits differ."""
-    return [i for i, (a, b) in enumerate(zip(one, other, strict=True)) if a.shape != b.shape or a.tobytes() != b.tobytes()]
+    return [
+        i
+        for i, (a, b) in enumerate(zip(one, other, strict=True))
+        if a.shape != b.shape or a.tobytes() != b.tobytes()
+    ]
 
 
 @pytest.mark.parametrize("workers", [2, 5])
@@ -35,10 +40,19 @@ def test_a_single_trial_run_again_alone_has_the_same_bits(few):
 
 def test_a_dask_cluster_changes_no_bit_of_any_paper(few):
     distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "protocol": "tcp", "host": "127.0.0.1"}
+    options = {
+        "n_workers": 2,
+        "threads_per_worker": 1,
+        "processes": False,
+        "protocol": "tcp",
+        "host": "127.0.0.1",
+    }
     with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
         for paper, alone in few.items():
-            assert unequal(alone, page_trials.results(paper, 5, scheduler=cluster.scheduler_address)) == [], paper
+            assert (
+                unequal(alone, page_trials.results(paper, 5, scheduler=cluster.scheduler_address))
+                == []
+            ), paper
 
 
 def test_a_stream_is_the_same_on_every_machine():

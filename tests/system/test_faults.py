@@ -1,7 +1,9 @@
-"""Would the tests notice?  Single faults, planted one at a time into a copy of the package, and the test that must turn red.
+"""Would the tests notice?  Single faults, planted one at a time into a copy of the package, and the
+test that must turn red.
 
-A fault is an exact replacement of text that occurs once, so a rewritten line shows up here and asks for its fault to be planted
-anew.  The copy is run with the named test only; before that, all of the named tests must be green on a copy without a fault.
+A fault is an exact replacement of text that occurs once, so a rewritten line shows up here and asks
+for its fault to be planted anew.  The copy is run with the named test only; before that, all of the
+named tests must be green on a copy without a fault.
 """
 
 import subprocess
@@ -16,7 +18,9 @@ TESTS = Path(__file__).parents[1]
 
 
 class Plant(NamedTuple):
-    """A fault: in which file of the repository, what stands there, what is put there, and the test that must notice."""
+    """A fault: in which file of the repository, what stands there, what is put there, and the test
+    that must notice.
+    """
 
     what: str
     file: str
@@ -93,7 +97,8 @@ FAULTS = [
         "degrees for radians",
         "tbdcore/kalman.py",
         "return z[..., :1] * np.stack([np.cos(z[..., 1]), np.sin(z[..., 1])], axis=-1)",
-        "return z[..., :1] * np.stack([np.cos(np.radians(z[..., 1])), np.sin(np.radians(z[..., 1]))], axis=-1)",
+        "return z[..., :1] * np.stack([np.cos(np.radians(z[..., 1])), np.sin(np.radians(z[..., "
+        "1]))], axis=-1)",
         "kernels/test_kalman.py::test_noise_of_a_plot_in_metres_against_samples",
     ),
     Plant(
@@ -233,9 +238,23 @@ def copy(tmp_path):
 
 def judge(copy, tests):
     """Exit code and report of some tests on a copy."""
-    without = [word for plugin in ("cacheprovider", "xdist", "nbval", "anyio") for word in ("-p", f"no:{plugin}")]  # slow to load
-    words = [sys.executable, "-m", "pytest", "-x", "-q", *without, *(str(TESTS / test) for test in tests)]
-    run = subprocess.run(words, cwd=copy, env=tiny.environment(copy), capture_output=True, text=True, timeout=600)
+    without = [
+        word
+        for plugin in ("cacheprovider", "xdist", "nbval", "anyio")
+        for word in ("-p", f"no:{plugin}")
+    ]  # slow to load
+    words = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        *without,
+        *(str(TESTS / test) for test in tests),
+    ]
+    run = subprocess.run(
+        words, cwd=copy, env=tiny.environment(copy), capture_output=True, text=True, timeout=600
+    )
     return run.returncode, run.stdout + run.stderr
 
 
@@ -260,8 +279,12 @@ def test_without_a_fault_the_named_tests_are_green(copy):
 def test_the_fault_is_noticed(copy, fault):
     file = copy / fault.file
     text = file.read_text(encoding="utf-8")
-    assert text.count(fault.old) == 1, f"{fault.file} no longer has {fault.old!r} once; plant this fault anew"
+    assert text.count(fault.old) == 1, (
+        f"{fault.file} no longer has {fault.old!r} once; plant this fault anew"
+    )
     file.write_text(text.replace(fault.old, fault.new), encoding="utf-8")
     code, report = judge(copy, [fault.test])
     assert code == 1, f"{fault.test} does not notice {fault.what}:\n{report}"
-    assert any(line.startswith("FAILED") and fault.test in line for line in report.splitlines()), report
+    assert any(line.startswith("FAILED") and fault.test in line for line in report.splitlines()), (
+        report
+    )
