@@ -31,13 +31,27 @@ __version__ = "1.0.0"
 
 def begin(paper, namespace):
     """Open the run of a notebook; see :func:`tbdcore.repro.pages.begin`."""
-    from tbdcore.repro import pages
-
-    return pages.begin(paper, namespace)
+    return _pages().begin(paper, namespace)
 
 
 def page(paper):
-    """The algorithm cells of a notebook as a module; see :func:`tbdcore.repro.pages.page`."""
-    from tbdcore.repro import pages
+    """The algorithm cells of a notebook as a module; see :func:`tbdcore.repro.pages.page`.
 
-    return pages.page(paper)
+    Raises NoRepository without a clone of the repository, ModuleNotFoundError without the extra
+    ``repro``; both in one line.
+    """
+    return _pages().page(paper)
+
+
+def _pages():
+    """The harness, loaded when it is asked for: it needs the repository and the extra repro."""
+    from tbdcore.repro import paths
+
+    paths.root()
+    try:
+        import tbdcore.repro.pages as pages
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"{error.name} is missing; this needs the extra repro: pip install 'tbdcore[repro]'"
+        ) from None
+    return pages

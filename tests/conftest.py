@@ -1,6 +1,6 @@
 """What several tests share."""
 
-from pathlib import Path
+import shutil
 
 import pytest
 import tiny
@@ -10,14 +10,33 @@ from tbdcore.repro import paths
 
 @pytest.fixture
 def repository(tmp_path, monkeypatch):
-    """The folder of a small repository, to which every path in `tbdcore.repro.paths` points in this
-    process.
-    """
+    """The folder of a small repository, which is the repository of this process."""
     folder = tmp_path / "repository"
     folder.mkdir()
-    tiny.repository(folder)
-    for name, place in list(vars(paths).items()):
-        if isinstance(place, Path):
-            monkeypatch.setattr(paths, name, folder / place.relative_to(tiny.ROOT))
+    tiny.here(folder, monkeypatch)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def first_run(tmp_path_factory):
+    """A small repository after one default run, to be copied, and what that run said."""
+    folder = tmp_path_factory.mktemp("run") / "repository"
+    folder.mkdir()
+    said = tiny.repository(folder)("run")
+    assert said.returncode == 0, said.stderr
+    return folder, said
+
+
+@pytest.fixture
+def folder(first_run, tmp_path):
+    """A copy of that repository; commands run there in processes of their own."""
+    return shutil.copytree(first_run[0], tmp_path / "repository", symlinks=True)
+
+
+@pytest.fixture
+def inside(folder, monkeypatch):
+    """A copy of that repository, which is the one of this process."""
+    monkeypatch.setenv("TBDCORE_REPOSITORY", str(folder))
     monkeypatch.delenv("TBDCORE_FIGURES", raising=False)
+    monkeypatch.setattr(paths, "PACKAGE", folder / "tbdcore")
     return folder

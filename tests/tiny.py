@@ -36,23 +36,23 @@ scheduler: str = ""  # address of a dask scheduler
 out: str = ""  # folder for products
 pause: float = 0.0  # seconds that each trial sleeps; in [0, 60]
 shift: float = 1.0  # shift of the draws; in [-5, 5]""",
-    "begin": 'claims, figures = tbdcore.begin("tiny", vars())',
+    "begin": 'ledger, portfolio = tbdcore.begin("tiny", vars())',
     "trials": """def draw(seed, i, pause):
     time.sleep(pause)
     return trials.generator(seed, "tiny", "draw", i, "noise").standard_normal()
 
 
 x = trials.run(partial(draw, pause=pause), n_trials, seed=seed, workers=workers, scheduler=scheduler)""",
-    "claims": """claims.check("mean", x.mean(), se=x.std() / n_trials**0.5, n=n_trials, paper_n=100)
-claims.check("order", shift, se=x.std() / n_trials**0.5, n=n_trials)
-claims.untestable("price", "An opinion.")""",
-    "figure": """fig, ax = figures.new(width=2, height=1.5)
-figures.band(ax, range(9), x[:9], name="proposed")
-figures.save(fig, "fig1", caption="Nine draws, 100 % of them.", claims=["mean"])""",
+    "claims": """ledger.check("mean", x.mean(), se=x.std() / n_trials**0.5, n=n_trials, paper_n=100)
+ledger.check("order", shift, se=x.std() / n_trials**0.5, n=n_trials)
+ledger.untestable("price", "An opinion.")""",
+    "figure": """fig, ax = portfolio.new(width=2, height=1.5)
+portfolio.band(ax, range(9), x[:9], name="proposed")
+portfolio.save(fig, "fig1", caption="Nine draws, 100 % of them.", claims=["mean"])""",
     "table": """import pandas as pd
 
-figures.table(pd.DataFrame({"draw": x[:3]}), "table1", caption="Three draws.", claims=["order"])""",
-    "publish": "claims.table()\nfigures.publish(claims)",
+portfolio.table(pd.DataFrame({"draw": x[:3]}), "table1", caption="Three draws.", claims=["order"])""",
+    "publish": "ledger.table()\nportfolio.publish(ledger)",
 }
 
 
@@ -84,9 +84,29 @@ def repository(folder):
     """The small repository in a folder; returns a function that runs ``tbdcore`` there."""
     copy_package(folder)
     write(folder)
-    return lambda *words: subprocess.run(
+    return lambda *words: run(folder, *words)
+
+
+def run(folder, *words):
+    """A command in a small repository, in a process of its own."""
+    return subprocess.run(
         command(*words), cwd=folder, env=environment(folder), capture_output=True, text=True
     )
+
+
+def change(folder, **cells):
+    """Give the notebook of a small repository some other cells; None leaves one out."""
+    changed = {name: text for name, text in (CELLS | cells).items() if text is not None}
+    (folder / "notebooks" / "01_tiny.ipynb").write_text(notebook(changed), encoding="utf-8")
+
+
+def products(folder):
+    """Every product of a small repository, its bytes and its time."""
+    return {
+        str(file.relative_to(folder)): (file.read_bytes(), file.stat().st_mtime_ns)
+        for file in sorted((folder / "figures").rglob("*"))
+        if file.is_file()
+    }
 
 
 def write(folder):
@@ -102,26 +122,13 @@ def write(folder):
 
 
 def here(folder, monkeypatch):
-    """The small repository as that of this process; returns a function that runs its notebook's
-    cells with given parameters.
+    """The small repository as that of this process.
+
+    Returns a function that runs its notebook's cells with given parameters.
     """
     write(folder)
-    places = {
-        "ROOT": "",
-        "NOTEBOOKS": "notebooks",
-        "DATA": "data",
-        "CLAIMS": "data/claims",
-        "LONGER": "data/longer",
-    }
-    places |= {
-        "LOCK": "environment.txt",
-        "README": "README.md",
-        "CITATION": "CITATION.cff",
-        "BUILD": "build",
-    }
-    for name, place in places.items():
-        monkeypatch.setattr(paths, name, folder / place)
-    monkeypatch.setenv("TBDCORE_FIGURES", str(folder / "figures"))
+    monkeypatch.setenv("TBDCORE_REPOSITORY", str(folder))
+    monkeypatch.delenv("TBDCORE_FIGURES", raising=False)
     monkeypatch.chdir(folder)
 
     def execute(**given):
@@ -138,6 +145,8 @@ def command(*words):
 
 
 def environment(folder):
-    """The environment in which Python finds the copy before the installed package."""
+    """The environment in which a folder is the repository, and its copy of the package, if it has
+    one, is found before the installed one.
+    """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("TBDCORE_")}
-    return kept | {"PYTHONPATH": str(folder)}
+    return kept | {"PYTHONPATH": str(folder), "TBDCORE_REPOSITORY": str(folder)}

@@ -1,11 +1,18 @@
-"""The harness around the notebooks: what turns a page into products that can be checked, cited and
-made again.
+"""The harness around the notebooks: what turns a page into products to check, cite and make again.
 
-``paths``    where the repository is            ``pages``   notebooks as objects: parameters, algorithm, execution
-``trials``   Monte Carlo over processes          ``batch``   runs and sweeps
-``claims``   published numbers and verdicts      ``cite``    what a report needs
-``figures``  pictures and tables                 ``doctor``  whether this machine can run it
+===========  ===========================================================
+``paths``    where the repository is
+``trials``   Monte Carlo over processes
+``claims``   published numbers and the verdicts on them
+``products`` tables, records, digests, and writing all files or none
+``figures``  pictures in one style, and a run's portfolio of products
+``screen``   what a page shows a reader
+``pages``    notebooks: parameters, algorithm, digest, execution
+``batch``    runs and sweeps
+``cite``     what a report needs of a product, and what a file is
+``doctor``   whether this machine can run it all
 ``cli``      the command line
+===========  ===========================================================
 
 Of the numerical core it imports ``score`` at most.
 """

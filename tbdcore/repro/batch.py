@@ -31,7 +31,7 @@ from typing import NamedTuple
 import pandas as pd
 import psutil
 
-from tbdcore.repro import claims, figures, pages, paths
+from tbdcore.repro import claims, pages, paths, products
 
 GOOD, FAILED, INTERRUPTED = 0, 1, 130
 # it cleans up after killed workers, and says so
@@ -97,7 +97,7 @@ def run(paper, values, output, *, say=print, resume=False):
         seconds, failed = round(time.monotonic() - start, 1), str(pages.failed_at(output))
         return result._replace(seconds=seconds, notebook=failed, status=FAILED, error=str(error))
     seconds = round(time.monotonic() - start, 1)
-    figures.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
+    products.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
     result = result._replace(seconds=seconds, verdicts=counts(folder / paper))
     took = f"{seconds:.0f} s" + (f", expected {expected:.0f} s" if expected else "")
     judged = (
@@ -132,8 +132,8 @@ def sweep(paper, name, runs, folder, *, say=print, resume=False):
             table = claims.verdicts(paper, place).rename(columns={"id": "claim"})
             table.insert(0, "value", value)
             tables.append(table[["value", "claim", "published", "measured", "se", "n", "verdict"]])
-            figures.write(
-                folder, {f"{name}.csv": figures._csv(pd.concat(tables, ignore_index=True))}
+            products.write(
+                folder, {f"{name}.csv": products.csv(pd.concat(tables, ignore_index=True))}
             )
         yield result
 
@@ -143,11 +143,11 @@ def done(paper, values, folder):
     parameters and versions.
     """
     now = {
-        "sources": pages.sources(paper),
+        "digest": pages.digest(paper),
         "parameters": _settings(paper, values),
-        "versions": figures.versions(),
+        "versions": products.versions(),
     }
-    made = [figures.record(file) for file in (folder / paper).glob("*.json")]
+    made = [products.record(file) for file in (folder / paper).glob("*.json")]
     same = all(about.get(key) == value for about in made for key, value in now.items())
     present = {file.name for file in (folder / paper).glob("*")}
     judged = {"verdicts.csv"} if paper in claims.papers() else set()
@@ -186,9 +186,7 @@ def _settings(paper, values):
 
 def _key(paper, values):
     """File that keeps the time of a run."""
-    return (
-        f"{paper}_{figures.digest([json.dumps(_settings(paper, values), sort_keys=True).encode()])}"
-    )
+    return f"{paper}_{products.digest([json.dumps(_settings(paper, values), sort_keys=True).encode()])}"
 
 
 def _expected(paper, values):
@@ -234,7 +232,7 @@ def _terminable():
     with contextlib.suppress(ValueError):  # not the main thread
         before = {
             number: signal.signal(number, signal.default_int_handler)
-            for number in figures.ENDING[1:]
+            for number in products.ENDING[1:]
         }
     try:
         yield

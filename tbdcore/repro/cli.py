@@ -14,6 +14,7 @@ on standard error: what, where, what to do.
 import argparse
 import ast
 import json
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -35,12 +36,16 @@ def main(argv=None):
     """Entry point; returns the exit code."""
     try:
         arguments = _parser().parse_args(argv)
+        paths.root()
         return arguments.command(arguments)
     except Fault as fault:
         return _complain(fault, fault.code)
     except (ValueError, FileNotFoundError) as error:
         return _complain(error, USAGE)
-    except (OSError, ModuleNotFoundError) as error:
+    except ModuleNotFoundError as error:
+        said = f"{error.name} is missing; this needs the extra repro: pip install 'tbdcore[repro]'"
+        return _complain(said, ENVIRONMENT)
+    except OSError as error:
         return _complain(error, ENVIRONMENT)
     except KeyboardInterrupt:
         return _complain("interrupted; finished papers are kept, nothing is half written", 130)
@@ -95,7 +100,7 @@ def _parser():
         description="Scorecard from the verdicts of all papers.",
     )
     score.add_argument(
-        "--out", metavar="DIR", help="folder that holds the products instead of figures/"
+        "--figures", metavar="DIR", help="folder that holds the products, instead of figures/"
     )
     score.add_argument(
         "--check",
@@ -111,7 +116,7 @@ def _parser():
             f"--{form}", dest="form", action="store_const", const=form, default="", help=said
         )
     cite.add_argument(
-        "--out", metavar="DIR", help="folder that holds the products instead of figures/"
+        "--figures", metavar="DIR", help="folder that holds the products, instead of figures/"
     )
     cite.set_defaults(command=_cite)
     which = commands.add_parser(
@@ -254,11 +259,11 @@ def _told(arguments, paper, run):
 
 def _refresh(paper, output):
     """Put an executed notebook, cleaned, in the place of the committed one."""
-    from tbdcore.repro import figures, pages
+    from tbdcore.repro import pages, products
 
     notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
     text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
-    figures.write(paths.NOTEBOOKS, {pages.path(paper).name: text.encode()})
+    products.write(paths.NOTEBOOKS, {pages.path(paper).name: text.encode()})
 
 
 def _values(paper, arguments):
@@ -343,21 +348,21 @@ def _score(arguments):
     figures/scorecard.csv holds every verdict, scorecard.md the counts, figures/README.md all
     products, figures.bib the papers.
     """
-    from tbdcore.repro import cite, claims, figures
+    from tbdcore.repro import cite, claims, products
 
-    folder = Path(arguments.out) if arguments.out else paths.figures()
+    folder = _products_of(arguments)
     for paper in claims.papers():
         claims.read(paper)
     try:
-        every, text = claims.ledger(folder), figures.markdown(claims.scorecard(folder))
+        every, text = claims.ledger(folder), products.markdown(claims.scorecard(folder))
     except (ValueError, FileNotFoundError) as error:
         raise Fault(error, FAILED) from None
-    files = {folder / "scorecard.csv": figures._csv(every), folder / "scorecard.md": text.encode()}
+    files = {folder / "scorecard.csv": products.csv(every), folder / "scorecard.md": text.encode()}
     files |= {
         folder / "figures.bib": cite.bibliography().encode(),
-        folder / "README.md": cite.gallery(folder).encode(),
+        folder / "README.md": cite.gallery().encode(),
     }
-    if not arguments.out:
+    if not arguments.figures:
         files[paths.README] = _readme(every).encode()
     print(text, end="")
     changes = _changes(folder / "scorecard.csv", every)
@@ -369,7 +374,7 @@ def _score(arguments):
     if arguments.check and stale:
         raise Fault(f"{', '.join(stale)}: not what the verdicts say; run: tbdcore score", FAILED)
     for path, content in files.items():
-        figures.write(path.parent, {path.name: content})
+        products.write(path.parent, {path.name: content})
     if changes:
         raise Fault(
             f"{len(changes)} verdicts are not those of the last scorecard: {'; '.join(changes)}",
@@ -378,14 +383,19 @@ def _score(arguments):
     return GOOD
 
 
+def _products_of(arguments):
+    """The folder whose products are read: that of --figures, from here on for all modules."""
+    if arguments.figures:
+        os.environ["TBDCORE_FIGURES"] = arguments.figures
+    return paths.figures()
+
+
 def _cite(arguments):
     """What a report needs of a figure or table."""
     from tbdcore.repro import cite
 
-    print(
-        cite.text(arguments.id, arguments.form, Path(arguments.out) if arguments.out else None),
-        end="",
-    )
+    _products_of(arguments)
+    print(cite.text(arguments.id, arguments.form), end="")
     return GOOD
 
 
@@ -436,7 +446,7 @@ def _changes(scorecard, every):
 
 def _readme(every):
     """README.md with the table of papers between its markers made anew."""
-    from tbdcore.repro import figures
+    from tbdcore.repro import products
 
     begin, end = "<!-- scorecard -->\n", "<!-- /scorecard -->"
     before, _, rest = paths.README.read_text(encoding="utf-8").partition(begin)
@@ -446,7 +456,7 @@ def _readme(every):
             f"README.md: the lines {begin.strip()} and {end} are missing; "
             f"the table of papers goes between them"
         )
-    return f"{before}{begin}{figures.markdown(_papers(every))}{end}{after}"
+    return f"{before}{begin}{products.markdown(_papers(every))}{end}{after}"
 
 
 def _papers(every):
@@ -459,7 +469,7 @@ def _papers(every):
 
     from tbdcore.repro import claims, pages
 
-    about = tomllib.loads((paths.DATA / "papers.toml").read_text(encoding="utf-8"))
+    about = tomllib.loads(paths.BIBLIOGRAPHY.read_text(encoding="utf-8"))
     rows = []
     for paper in pages.papers():
         inputs = [claim.id for claim in claims.read(paper).values() if claim.kind == "input"]

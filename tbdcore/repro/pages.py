@@ -43,20 +43,13 @@ import types
 from itertools import pairwise
 from pathlib import Path
 
-from tbdcore.repro import paths
-from tbdcore.repro.claims import Ledger, nearest
-from tbdcore.repro.figures import Portfolio, artist, digest, versions
+from tbdcore.repro import claims, paths, products, trials
+from tbdcore.repro.claims import nearest
 
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a result
-EVERYWHERE = {
-    "__init__",
-    "repro/claims",
-    "repro/figures",
-    "repro/pages",
-    "repro/paths",
-    "repro/trials",
-}  # of every product
+# modules that every product passes through
+EVERYWHERE = "from tbdcore.repro import claims, figures, products, screen, trials"
 COMMON = ("seed", "n_trials", *PLUMBING)
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -149,19 +142,22 @@ def path(paper):
 
 
 def cells(paper, tag=None):
-    """Sources of a notebook's code cells, those with a tag if one is given."""
+    """Sources of a notebook's code cells, those with a tag if one is given.
+
+    Raises ValueError, naming the file, when it is no notebook.
+    """
+    file = path(paper)
     try:
-        notebook = json.loads(path(paper).read_text(encoding="utf-8"))
-    except ValueError as error:
+        notebook = json.loads(file.read_text(encoding="utf-8"))
+        code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        tags = [cell["metadata"].get("tags", ()) for cell in code]
+        sources = ["".join(cell["source"]) for cell in code]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(
-            f"{path(paper).name}: no notebook ({error}); take it from the repository again"
+            f"{file.name}: no notebook ({type(error).__name__}: {error}); "
+            "take it from the repository again"
         ) from None
-    code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    return [
-        "".join(cell["source"])
-        for cell in code
-        if tag is None or tag in cell["metadata"].get("tags", ())
-    ]
+    return [source for source, own in zip(sources, tags, strict=True) if tag is None or tag in own]
 
 
 def page(paper):
@@ -177,7 +173,7 @@ def page(paper):
     with _ONE_AT_A_TIME:  # a worker may have threads, and all of them may ask for the page at once
         if name in sys.modules and sys.modules[name].__source__ == source:
             return sys.modules[name]
-        file = paths.BUILD / "pages" / f"{paper}_{digest([source.encode()])}.py"
+        file = paths.BUILD / "pages" / f"{paper}_{products.digest([source.encode()])}.py"
         module = types.ModuleType(name, f"The algorithm cells of {path(paper).name}.")
         module.__file__, module.__source__ = str(_written(file, source)), source
         exec(compile(source, module.__file__, "exec"), module.__dict__)
@@ -257,8 +253,8 @@ def validate(paper, given):
 
 
 def begin(paper, namespace):
-    """Open a notebook's run, right after its parameters cell: ``claims, figures =
-    tbdcore.begin("track_cfar", vars())``.
+    """Open a notebook's run, right after its parameters cell:
+    ``ledger, portfolio = tbdcore.begin("track_cfar", vars())``.
 
     Checks every parameter (a misspelt one is a plain variable that is no parameter), puts coerced
     values back into `namespace`, and makes sure that the output folder can be written before any
@@ -266,42 +262,39 @@ def begin(paper, namespace):
 
     Returns
     -------
-    claims : tbdcore.repro.claims.Ledger
-    figures : tbdcore.repro.figures.Portfolio
+    ledger : tbdcore.repro.claims.Ledger
+        None for the index, which judges no paper.
+    portfolio : tbdcore.repro.figures.Portfolio
     """
+    from tbdcore.repro import figures
+
     known = parameters(paper)
-    strangers = [
-        name
-        for name, value in namespace.items()
-        if name not in known and _plain_variable(name, value)
-    ]
-    if strangers:
-        raise ValueError(
-            f"parameter {strangers[0]!r}: {paper} has none of this name; "
-            f"the nearest is {nearest(strangers[0], known)!r}"
-        )
+    for name, value in namespace.items():
+        if name not in known and _plain_variable(name, value):
+            raise ValueError(
+                f"parameter {name!r}: {paper} has none of this name; "
+                f"the nearest is {nearest(name, known)!r}"
+            )
     values = validate(paper, {name: namespace[name] for name in known})
     namespace.update(values)
-    default = all(values[name] == known[name].default for name in known if name not in PLUMBING)
+    shown = {name: value for name, value in values.items() if name not in PLUMBING}
+    default = all(value == known[name].default for name, value in shown.items())
     folder = usable(values["out"] or paths.figures())
     if not default and folder == paths.PRODUCTS.resolve():
         raise ValueError(
             f"{paper}: the repository's figures are for default parameters; "
-            f"give these ones a folder: out='build/try'"
+            "give these ones a folder: out='build/try'"
         )
-    shown = {name: value for name, value in values.items() if name not in PLUMBING}
     provenance = {
         "parameters": shown,
         "seed": values["seed"],
         "trials": values["n_trials"],
-        "sources": sources(paper),
+        "digest": digest(paper),
         "remake": remake(paper, values),
-        "versions": versions(),
+        "versions": products.versions(),
     }
-    ledger = (
-        Ledger(paper, strict=default) if paper in papers() else None
-    )  # the index judges no paper
-    return ledger, Portfolio(paper, folder, provenance, artist)
+    ledger = claims.Ledger(paper, strict=default) if paper in papers() else None
+    return ledger, figures.Portfolio(paper, folder, provenance, background=trials.cores() > 1)
 
 
 def remake(paper, values):
@@ -358,30 +351,25 @@ def usable(out):
     return folder.resolve()
 
 
-def sources(paper):
-    """Hash of everything that decides a paper's products.
+def digest(paper):
+    """Short hash of the meaning of what makes a paper's products.
 
-    The notebook's code, its claims, the verdicts of a longer run if there is one, every module of
-    the package that it imports, directly or through another, and those that all products pass
-    through; for the index, which computes nothing, the verdicts and the data of the papers that it
-    shows.
+    It covers the parsed code of the notebook and of the package's modules that it imports, and the
+    claims file but for its causes; for the index, also the verdicts and data that it shows.
     """
-    code = cells(paper)
-    modules = reached(
-        "\n".join(
-            line for cell in code for line in cell.splitlines() if not line.startswith(("%", "!"))
-        )
-    )
-    package = [paths.PACKAGE / f"{name}.py" for name in sorted(modules | EVERYWHERE)]
-    files = [
-        paths.CLAIMS / f"{paper}.csv",
-        paths.LONGER / paper / "verdicts.csv",
-        *package,
-        *_shown(paper, code),
-    ]
-    return digest(
-        [cell.encode() for cell in code] + [file.read_bytes() for file in files if file.is_file()]
-    )
+    code = [_python(cell) for cell in cells(paper)]
+    files = products.imported("\n".join([*code, EVERYWHERE]))
+    parts = [products.meaning(cell) for cell in code]
+    parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
+    parts += [file.read_text(encoding="utf-8") for file in _shown(paper, code) if file.is_file()]
+    if paper in claims.papers():
+        parts += ["\0".join(row[:-1]) for row in claims.read(paper).values()]  # the cause is last
+    return products.digest([part.encode() for part in parts])
+
+
+def _python(cell):
+    """A cell without the lines that are not Python."""
+    return "\n".join(line for line in cell.splitlines() if not line.startswith(("%", "!")))
 
 
 def _shown(paper, code):
@@ -389,39 +377,15 @@ def _shown(paper, code):
     if paper in papers():
         return []
     ids = re.findall(r'\.data\("(\w+/\w+)"\)', "\n".join(code))
-    return [
-        paths.figures() / f"{name}.csv"
-        for name in (*(f"{paper}/verdicts" for paper in papers()), *ids)
-    ]
+    folder = paths.figures()
+    return [folder / f"{name}.csv" for name in (*(f"{paper}/verdicts" for paper in papers()), *ids)]
 
 
-def reached(source, seen=None):
-    """Names of the package's modules that a source imports, directly or through one another."""
-    seen = set() if seen is None else seen
-    for name in imported(source) - seen:
-        seen.add(name)
-        reached((paths.PACKAGE / f"{name}.py").read_text(encoding="utf-8"), seen)
-    return seen
-
-
-def imported(source):
-    """Names of the package's modules that a source imports itself."""
-    names = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tbdcore"):
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names if alias.name.startswith("tbdcore")}
-    names = {name.removeprefix("tbdcore").lstrip(".").replace(".", "/") for name in names}
-    return {name for name in names if (paths.PACKAGE / f"{name}.py").is_file()}
-
-
-def execute(paper, given, output, progress=False):
+def execute(paper, given, output):
     """Run a notebook through papermill with checked parameters.
 
     The executed notebook appears at `output` when the run has succeeded; after a failure it is left
-    beside it as
-    ``*.failed.ipynb``.
+    beside it as ``*.failed.ipynb``.
 
     Raises
     ------
@@ -432,89 +396,42 @@ def execute(paper, given, output, progress=False):
     OSError
         There is no kernel to run in.
     """
-    sys.modules.setdefault(
-        "rfc3987_syntax", None
-    )  # jsonschema would build a grammar of web addresses, for more than a second
     from jupyter_client.kernelspec import NoSuchKernel
     from nbclient.exceptions import DeadKernelError
     from papermill import PapermillExecutionError, execute_notebook
 
+    logging.getLogger("papermill").addHandler(logging.NullHandler())  # its errors are raised too
     values = validate(paper, given)
     output.parent.mkdir(parents=True, exist_ok=True)
     part = output.with_suffix(f".{os.getpid()}.part.ipynb")
-    options = {
-        "kernel_name": "python3",
-        "engine_name": _engine(),
-        "progress_bar": progress,
-        "cwd": str(Path.cwd()),
-    }
-    with tempfile.TemporaryFile() as aside:
-        try:
-            execute_notebook(
-                path(paper), part, values, kernel_manager_class=_whispering(aside), **options
-            )
-            os.replace(part, output)
-            failed_at(output).unlink(missing_ok=True)
-        except PapermillExecutionError as error:
-            failed = failed_at(output)
-            os.replace(part, failed)
-            message = re.sub(r"\s+", " ", f"{error.ename}: {error.evalue}")
-            raise RuntimeError(
-                f"{paper}, cell {error.exec_count}: {message}; the run is in {failed}"
-            ) from None
-        except DeadKernelError:
-            aside.seek(0)
-            last = aside.read().decode(errors="replace").rstrip().rpartition("\n")[2]
-            raise RuntimeError(
-                f"{paper}: the kernel died{last and f': {last}'}; run it again"
-            ) from None
-        except NoSuchKernel:
-            raise OSError(
-                "the Jupyter kernel python3 is not registered; make it: "
-                "python -m ipykernel install --sys-prefix"
-            ) from None
-        finally:
-            part.unlink(missing_ok=True)
+    options = {"kernel_name": "python3", "progress_bar": False, "cwd": str(Path.cwd())}
+    try:
+        # written once, at the end: a save for each cell costs a second for every 100 cells
+        execute_notebook(path(paper), part, values, request_save_on_cell_execute=False, **options)
+        os.replace(part, output)
+        failed_at(output).unlink(missing_ok=True)
+    except PapermillExecutionError as error:
+        failed = failed_at(output)
+        os.replace(part, failed)
+        message = re.sub(r"\s+", " ", f"{error.ename}: {error.evalue}")
+        raise RuntimeError(
+            f"{paper}, cell {error.exec_count}: {message}; the run is in {failed}"
+        ) from None
+    except DeadKernelError:
+        raise RuntimeError(f"{paper}: the kernel died; run it again") from None
+    except NoSuchKernel:
+        raise OSError(
+            "the Jupyter kernel python3 is not registered; "
+            "make it: python -m ipykernel install --sys-prefix"
+        ) from None
+    finally:
+        part.unlink(missing_ok=True)
     return output
 
 
 def failed_at(output):
     """Where an executed notebook is left when a cell has failed."""
     return output.with_suffix(".failed.ipynb")
-
-
-def _whispering(aside):
-    """A manager of kernels that write into a file what they say outside the cells, of their start
-    and their end.
-    """
-    from jupyter_client import AsyncKernelManager
-
-    class Whispering(AsyncKernelManager):
-        async def start_kernel(self, **options):
-            await super().start_kernel(**options, stderr=aside)
-
-    return Whispering
-
-
-def _engine():
-    """Name of papermill's own engine without its habit of writing the whole notebook twice for each
-    cell.
-    """
-    from papermill.engines import NBClientEngine, papermill_engines
-
-    class Engine(NBClientEngine):
-        @classmethod
-        def execute_managed_notebook(cls, nb_man, kernel_name, **options):
-            nb_man.output_path = (
-                None  # papermill writes it when the run has ended, and when a cell has failed
-            )
-            return super().execute_managed_notebook(nb_man, kernel_name, **options)
-
-    logging.getLogger("papermill").addHandler(
-        logging.NullHandler()
-    )  # what it logs of a failure is also raised
-    papermill_engines.register("written-once", Engine)
-    return "written-once"
 
 
 def clean(notebook):

@@ -1,26 +1,63 @@
-"""Every folder of the repository, each written once.
+"""Where the repository is, and every folder of it, each written once.
 
-The repository is the folder above this package (it is installed in place).  ``TBDCORE_FIGURES`` in
-the environment moves the products of default runs elsewhere: the tests use it, so that checking the
-committed figures never rewrites them.
+The repository is the folder that the environment variable ``TBDCORE_REPOSITORY`` names; else the
+one that this package is installed from, in place; else the current folder or the nearest of its
+parents.  A folder is a repository if it holds ``notebooks/`` and ``data/papers.toml``.  Without
+one, every path but ``PACKAGE`` raises :class:`NoRepository`.
+
+``TBDCORE_FIGURES`` moves the products of default runs elsewhere: the tests use it, so that
+checking the committed figures never rewrites them.
 """
 
 import os
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-NOTEBOOKS = ROOT / "notebooks"  # NN_<paper>.ipynb, committed executed
-DATA = ROOT / "data"  # papers.toml: bibliography
-CLAIMS = DATA / "claims"  # <paper>.csv: what the papers publish
-LONGER = DATA / "longer"  # <paper>/verdicts.csv: of a run that a notebook has no time for
-PACKAGE = ROOT / "tbdcore"
-PRODUCTS = ROOT / "figures"  # <paper>/fig05.pdf and its kin: the committed products
-LOCK = ROOT / "environment.txt"
-README = ROOT / "README.md"
-CITATION = ROOT / "CITATION.cff"
-BUILD = ROOT / "build"  # everything that is neither source nor product
+PACKAGE = Path(__file__).resolve().parents[1]  # the modules themselves, wherever they are installed
+PLACES = {
+    "NOTEBOOKS": "notebooks",  # NN_<paper>.ipynb, committed executed
+    "BIBLIOGRAPHY": "data/papers.toml",
+    "CLAIMS": "data/claims",  # <paper>.csv: what the papers publish
+    "LONGER": "data/longer",  # <paper>/verdicts.csv: of a run that a notebook has no time for
+    "PRODUCTS": "figures",  # <paper>/fig05.pdf and its kin: the committed products
+    "LOCK": "environment.txt",
+    "README": "README.md",
+    "CITATION": "CITATION.cff",
+    "BUILD": "build",  # everything that is neither source nor product
+}
+
+
+class NoRepository(OSError):
+    """There is no repository here."""
+
+
+def root():
+    """The folder of the repository.
+
+    Raises NoRepository, in one line that says how to name it, when there is none.
+    """
+    named = os.environ.get("TBDCORE_REPOSITORY")
+    if named:
+        places, where = [Path(named).resolve()], f"TBDCORE_REPOSITORY={named} is none"
+    else:
+        here = Path.cwd()
+        places, where = [PACKAGE.parent, here, *here.parents], "there is none here"
+    for place in places:
+        if (place / "notebooks").is_dir() and (place / "data" / "papers.toml").is_file():
+            return place
+    raise NoRepository(
+        f"this needs the repository, and {where}; "
+        "go to the folder of a clone, or name it: TBDCORE_REPOSITORY=/path/to/clone"
+    )
+
+
+def __getattr__(name):
+    if name == "ROOT":
+        return root()
+    if name in PLACES:
+        return root() / PLACES[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def figures():
     """The folder of the committed products, or the one that TBDCORE_FIGURES names."""
-    return Path(os.environ.get("TBDCORE_FIGURES") or PRODUCTS).resolve()
+    return Path(os.environ.get("TBDCORE_FIGURES") or root() / PLACES["PRODUCTS"]).resolve()

@@ -29,6 +29,8 @@ an array, or a (named) tuple of them, comes back with a leading axis of length n
 import contextlib
 import os
 import re
+import threading
+import time
 from concurrent.futures import Executor
 from zlib import crc32
 
@@ -126,13 +128,38 @@ def _executor(executor, workers, scheduler):
 
 
 def _processes(workers):
-    """Processes of this machine, kept alive between runs; their BLAS has one thread, as the trials
-    are what runs in parallel.
+    """Processes of this machine, kept alive between runs.
+
+    Their BLAS has one thread, as the trials are what runs in parallel.
     """
     from loky import get_reusable_executor
 
     one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return get_reusable_executor(max_workers=workers, timeout=DAY, env=one)
+    return get_reusable_executor(
+        max_workers=workers,
+        timeout=DAY,
+        env=one,
+        initializer=end_with_parent,
+        initargs=(os.getpid(),),
+    )
+
+
+def process():
+    """An executor with one process, which the caller shuts down."""
+    from loky import ProcessPoolExecutor
+
+    return ProcessPoolExecutor(1, timeout=DAY, initializer=end_with_parent, initargs=(os.getpid(),))
+
+
+def end_with_parent(parent):
+    """End this process within a second of its parent's end, however that comes."""
+
+    def watch():
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextlib.contextmanager

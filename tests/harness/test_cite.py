@@ -9,7 +9,7 @@ import tomllib
 import pytest
 import tiny
 
-from tbdcore.repro import cite, cli, figures, paths
+from tbdcore.repro import cite, cli, paths
 
 ALL = tomllib.loads((tiny.ROOT / "data" / "papers.toml").read_text(encoding="utf-8"))
 
@@ -111,13 +111,8 @@ def compiled(folder, body):
 def test_a_report_with_every_figure_and_table_compiles_with_plain_pdflatex(tmp_path, monkeypatch):
     (tmp_path / "figures.bib").write_text(cite.bibliography(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    products = paths.ROOT / "figures"
-    body = "".join(cite.text(id, "latex", products) + "\\clearpage\n" for id in cite.ids(products))
+    body = "".join(cite.text(id, "latex") + "\\clearpage\n" for id in cite.ids())
     assert compiled(tmp_path, body) == []
-
-
-def test_letters_that_pdftex_cannot_set_become_mathematics():
-    assert figures.tex("λ ≤ 2 & $λ$") == r"\ensuremath{\lambda} \ensuremath{\le} 2 \& $λ$"
 
 
 def test_paths_are_those_of_the_folder_where_the_report_is(execute, capsys, monkeypatch, tmp_path):
@@ -140,7 +135,7 @@ def test_caption_and_markdown(execute, capsys):
         "Nine draws, 100 % of them.\n",
         "",
     )
-    assert tbdcore(capsys, "cite", "tiny/table1", "--markdown")[1].startswith("| draw |")
+    assert tbdcore(capsys, "cite", "tiny/table1", "--markdown")[1].startswith("<!-- tiny/table1 -->\n\n| draw |")
 
 
 @pytest.mark.parametrize(
@@ -184,7 +179,7 @@ def test_repository_entry_is_that_of_the_citation_file():
 
 
 def test_score_writes_bibliography_and_gallery(execute, tmp_path):
-    assert cli.main(["score", "--out", str(tmp_path / "figures")]) == 0
+    assert cli.main(["score", "--figures", str(tmp_path / "figures")]) == 0
     assert set(bibtex((tmp_path / "figures" / "figures.bib").read_text())) == {"tiny", "tbdcore"}
     page = (tmp_path / "figures" / "README.md").read_text()
     assert page.index("### tiny/fig1") < page.index("### tiny/table1")
@@ -214,31 +209,55 @@ def test_the_index_has_products_but_no_paper(execute, capsys, tmp_path):
     assert page.index("### tiny/fig1") < page.index("## All papers") < page.index("### index/fig1")
 
 
-@pytest.mark.parametrize("kind", ["pdf", "svg", "png", "csv", "json"])
-def test_which_knows_its_own_files(execute, capsys, tmp_path, kind):
-    code, out, _ = tbdcore(capsys, "which", str(tmp_path / "figures" / "tiny" / f"fig1.{kind}"))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(f"fig1.{kind}" for kind in ("pdf", "svg", "png", "csv", "json")),
+        *(f"table1.{kind}" for kind in ("csv", "md", "tex", "json")),
+    ],
+)
+def test_which_knows_its_own_files(execute, capsys, tmp_path, name):
+    code, out, _ = tbdcore(capsys, "which", str(tmp_path / "figures" / "tiny" / name))
     assert code == 0
-    for part in (
-        "tiny/fig1\n",
-        "Nine draws",
-        "current",
-        "the same bytes as figures/tiny/fig1.",
-        "remake: tbdcore run tiny\n",
-    ):
+    caption = "Nine draws" if name.startswith("fig1") else "Three draws"
+    stem, kind = name.split(".")
+    for part in (f"tiny/{stem}\n", caption, "current", f"the same bytes as figures/tiny/{name}"):
         assert part in out
+    assert "make it again: tbdcore run tiny\n" in out
+
+
+@pytest.mark.parametrize(
+    "name", ["fig1.png", "fig1.pdf", "fig1.svg", "fig1.csv", "table1.tex", "table1.md"]
+)
+def test_which_finds_a_renamed_copy_whatever_the_case_of_its_ending(
+    execute, capsys, tmp_path, name
+):
+    stem, kind = name.split(".")
+    copy = shutil.copy(tmp_path / "figures" / "tiny" / name, tmp_path / f"Figure_3B.{kind.upper()}")
+    code, out, _ = tbdcore(capsys, "which", str(copy))
+    assert (code, out.splitlines()[0]) == (0, f"tiny/{stem}")
+    assert "draws" in out.splitlines()[1], "its caption"
+
+
+def test_a_re_saved_picture_keeps_id_and_caption(execute, capsys, tmp_path):
+    copy = tmp_path / "again.png"
+    content = (tmp_path / "figures" / "tiny" / "fig1.png").read_bytes()
+    copy.write_bytes(content[:-12] + content[-12:] + b"\0")
+    out = tbdcore(capsys, "which", str(copy))[1]
+    assert out.startswith("tiny/fig1\n  Nine draws")
+    assert "differs from figures/tiny/fig1.png" in out
 
 
 @pytest.mark.parametrize("kind", ["pdf", "svg", "png"])
-def test_which_traces_a_stray_file_of_another_run(execute, capsys, tmp_path, kind):
+def test_which_traces_a_file_of_another_run(execute, capsys, tmp_path, kind):
     execute(out=str(tmp_path / "other"), shift=2.5, n_trials=9)
-    stray = (tmp_path / "other" / "tiny" / f"fig1.{kind}").rename(tmp_path / f"figure_3b.{kind}")
-    code, out, _ = tbdcore(capsys, "which", str(stray))
+    file = tmp_path / "other" / "tiny" / f"fig1.{kind}"
+    code, out, _ = tbdcore(capsys, "which", str(file))
     assert code == 0
-    assert "differs from figures/tiny/fig1." in out
-    assert "remake: tbdcore run tiny -p n_trials=9 -p shift=2.5\n" in out
+    assert "make it again: tbdcore run tiny -p n_trials=9 -p shift=2.5\n" in out
     claims = tmp_path / "data" / "claims" / "tiny.csv"
     claims.write_text(claims.read_text().replace("cheap", "dear"))
-    code, out, _ = tbdcore(capsys, "which", str(stray))
+    code, out, _ = tbdcore(capsys, "which", str(file))
     assert code == 1
     assert "stale" in out
 

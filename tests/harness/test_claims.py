@@ -491,8 +491,8 @@ def settled(folder, monkeypatch, lines, strict=True):
     """A ledger with 100 trials behind it, undecided twice, after it has met a longer run with these
     lines.
     """
-    monkeypatch.setattr(paths, "CLAIMS", written(folder, *TOY))
-    monkeypatch.setattr(paths, "LONGER", folder / "longer")
+    monkeypatch.setitem(paths.PLACES, "CLAIMS", str(written(folder, *TOY)))
+    monkeypatch.setitem(paths.PLACES, "LONGER", str(folder / "longer"))
     (folder / "longer" / "toy").mkdir(parents=True)
     rows = [",".join(claims.Verdict._fields[:9]), *lines, ""]
     (folder / "longer" / "toy" / "verdicts.csv").write_text("\n".join(rows), encoding="utf-8")

@@ -30,7 +30,7 @@ def lock(monkeypatch, tmp_path):
     (tmp_path / "environment.txt").write_text(
         "numpy==0.9\npytest==0.1\nno-such-thing==1.0\nruff==0.1\nscipy==0.1\n"
     )
-    monkeypatch.setattr(paths, "LOCK", tmp_path / "environment.txt")
+    monkeypatch.setitem(paths.PLACES, "LOCK", str(tmp_path / "environment.txt"))
 
 
 def foreign_kernel(monkeypatch, tmp_path):

@@ -2,22 +2,22 @@
 
 import json
 import math
-import pickle
 import re
 import zlib
 
 import numpy as np
 import pandas as pd
 import pytest
+import tiny
 
-from tbdcore.repro import figures
+from tbdcore.repro import figures, screen
 from tbdcore.repro.claims import Ledger
 
 PROVENANCE = {
     "parameters": {"n": 3},
     "seed": 1,
     "trials": 3,
-    "sources": "0123456789abcdef",
+    "digest": "0123456789abcdef",
     "versions": {},
 }
 CLAIMS = "id,item,quantity,conditions,value,unit,kind,where,cause\nmean,Fig. 1,mean,,1.5,m,number,Sec. 2,\n"
@@ -76,10 +76,10 @@ def test_a_last_bit_changes_no_picture(tmp_path):
     assert made[0] == made[1]
 
 
-def test_an_artist_draws_the_same_bytes(tmp_path, ledger):
+def test_drawing_in_the_background_gives_the_same_bytes(tmp_path, ledger):
     made = []
-    for studio in (None, figures.artist):
-        run = figures.Portfolio("toy", tmp_path / str(bool(studio)), PROVENANCE, studio)
+    for background in (False, True):
+        run = figures.Portfolio("toy", tmp_path / str(background), PROVENANCE, background)
         draw(run)
         run.publish(ledger)
         made.append(published(run.folder))
@@ -87,39 +87,13 @@ def test_an_artist_draws_the_same_bytes(tmp_path, ledger):
     assert len(made[0]) == 6
 
 
-@pytest.mark.parametrize("name", [None, "filter"])
-def test_a_table_keeps_the_names_of_its_rows(portfolio, name):
-    rows = pd.Index(["a_1", "b"], name=name)
-    portfolio.table(pd.DataFrame({"x": [1.5, 2.0]}, index=rows), "table1", caption="Two rows.")
-    csv, md, tex = (portfolio.files[f"table1.{end}"].decode() for end in ("csv", "md", "tex"))
-    assert csv.splitlines() == [f"{name or ''},x", "a_1,1.5", "b,2"]
-    assert md.splitlines() == [
-        f"| {name or ''} | x |",
-        "| --- | --- |",
-        "| a_1 | 1.5 |",
-        "| b | 2 |",
-    ]
-    assert r"a\_1 & 1.5 \\" in tex
-    assert tex.startswith(r"\begin{tabular}{ll}")
-
-
-def test_an_artist_who_fails_says_what_failed(portfolio, ledger):
-    portfolio.studio = figures.artist
-    draw(portfolio)
-    job = "fig02", None, "toy/fig02", PROVENANCE, ("pdf",)
-    portfolio.post.submit(figures._send, portfolio.artist.stdin, pickle.dumps(job))
+def test_a_failure_in_the_background_publishes_nothing(tmp_path, ledger):
+    run = figures.Portfolio("toy", tmp_path / "figures", PROVENANCE, background=True)
+    draw(run)
+    run.waiting.append(run.pool.submit(figures.render, None, "fig02", "toy/fig02", ("pdf",)))
     with pytest.raises(AttributeError, match="NoneType"):
-        portfolio.publish(ledger)
-    assert not published(portfolio.folder)
-
-
-def test_an_artist_ends_with_the_one_who_started_it():
-    artist = figures.artist()
-    assert artist.communicate(timeout=30) == (
-        b"",
-        None,
-    )  # closes its standard input, as an end of any kind does
-    assert artist.returncode == 0
+        run.publish(ledger)
+    assert not published(run.folder)
 
 
 def test_no_picture_knows_the_date(portfolio):
@@ -138,7 +112,7 @@ def test_every_picture_carries_its_id(portfolio):
 
 def test_the_png_is_whole(portfolio):
     """Every chunk of the file has its checksum, and the last one is the end."""
-    picture = draw(portfolio)._repr_png_()
+    picture = draw(portfolio).png
     assert picture == portfolio.files["fig01.png"]
     place, names = 8, []
     while place < len(picture):
@@ -204,19 +178,6 @@ def test_an_incomplete_ledger_publishes_nothing(portfolio, ledger, tmp_path):
     assert not (tmp_path / "figures").exists()
 
 
-def test_a_failing_write_leaves_the_old_files(tmp_path):
-    figures.write(tmp_path, {"a.csv": b"old a", "b.csv": b"old b"})
-    with pytest.raises(TypeError):  # the second cannot be written: the first must not be replaced
-        figures.write(tmp_path, {"a.csv": b"new a", "b.csv": object()})
-    assert published(tmp_path) == {"a.csv": b"old a", "b.csv": b"old b"}
-
-
-def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(OSError, match="file"):
-        figures.write(tmp_path / "file" / "toy", {"a.csv": b""})
-
-
 @pytest.mark.parametrize("name", ["Fig01", "fig 1", "1fig", "fig-1", "../fig", ""])
 def test_bad_names_are_refused(portfolio, name):
     with pytest.raises(ValueError, match="use small letters, digits and underscores"):
@@ -235,42 +196,6 @@ def test_a_caption_is_mandatory(portfolio):
         portfolio.table(pd.DataFrame({"a": [1]}), "table1")
 
 
-def test_numbers_are_written_with_six_digits(portfolio):
-    frame = portfolio.table(
-        pd.DataFrame({"x": [1 / 3, 2e-9, np.nan, 123456.7]}), "table1", caption="Numbers."
-    )
-    assert portfolio.files["table1.csv"] == b'x\n0.333333\n2e-09\n""\n123457\n'
-    assert (
-        portfolio.files["table1.md"]
-        == b"| x |\n| --- |\n| 0.333333 |\n| 2e-09 |\n|  |\n| 123457 |\n"
-    )
-    assert frame["x"][0] == 1 / 3  # what the notebook goes on with is not rounded
-
-
-def test_markdown_escapes_what_would_break_the_table():
-    assert figures.markdown(pd.DataFrame({"|x|": ["a|b"]})) == "| \\|x\\| |\n| --- |\n| a\\|b |\n"
-
-
-def test_latex_escapes_text_and_leaves_mathematics():
-    text = figures.latex(pd.DataFrame({"50 % & more": [r"$P_D^2$ of a_b #1", r"\ ~ ^ { } $"]}))
-    assert text.splitlines() == [
-        r"\begin{tabular}{l}",
-        r"\toprule",
-        r"50 \% \& more \\",
-        r"\midrule",
-        r"$P_D^2$ of a\_b \#1 \\",
-        r"\textbackslash{} \textasciitilde{} \textasciicircum{} \{ \} \$ \\",
-        r"\bottomrule",
-        r"\end{tabular}",
-    ]
-
-
-def test_a_named_index_is_a_column():
-    frame = pd.DataFrame({"value": [1, 2]}, index=pd.Index(["a", "b"], name="case"))
-    assert figures.markdown(frame).splitlines()[0] == "| case | value |"
-    assert figures.latex(frame).splitlines()[2] == r"case & value \\"
-
-
 def brightness(colour):
     r, g, b = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
@@ -282,3 +207,41 @@ def test_every_line_style_belongs_to_a_colour():
     assert (
         max(map(brightness, figures.COLOURS.values())) < 0.8
     )  # a paler line is lost on white paper
+
+
+# What a page shows -----------------------------------------------------------------------------
+
+
+def test_a_figure_shows_its_caption_and_has_it_as_alternative_text(portfolio, monkeypatch):
+    from IPython import display
+
+    shown = []
+    monkeypatch.setattr(display, "display", lambda what, **how: shown.append((what, how)))
+    exhibit = draw(portfolio)
+    exhibit._ipython_display_()
+    (picture, how), (caption, _) = shown
+    assert picture["image/png"] == portfolio.files["fig01.png"]
+    assert how == {"raw": True, "metadata": {"image/png": {"alt": "Squares, 100 %."}}}
+    assert caption.data == "*toy/fig01.* Squares, 100 %."
+    assert repr(exhibit) == "toy/fig01: Squares, 100 %."
+
+
+def test_the_first_screen_is_that_of_the_committed_products(repository, monkeypatch):
+    assert "not yet run" in repr(screen.outcome("tiny", {"the mean": "mean"}))
+    assert repr(screen.exhibit("tiny/fig1")) == "*tiny/fig1: not yet run.*"
+
+
+def test_a_default_run_whose_first_screen_is_stale_publishes_and_says_so(tmp_path, monkeypatch):
+    execute = tiny.here(tmp_path, monkeypatch)
+    rows = {"the mean": "mean"}
+    screen.outcome("tiny", rows)
+    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
+        execute()
+    assert (tmp_path / "figures" / "tiny" / "fig1.pdf").is_file()
+    shown = repr(screen.outcome("tiny", rows))
+    assert re.search(r"\| the mean \| 0\.0 \| -?0\.\d+ ± 0\.0\d+ \| reproduced \|", shown)
+    assert "seed 20, 400 trials" in shown
+    execute()  # which now agrees
+    assert screen.exhibit("tiny/fig1").caption == "Nine draws, 100 % of them."
+    with pytest.raises(ValueError, match="no claim 'men' for the first screen"):
+        screen.outcome("tiny", {"the mean": "men"})

@@ -138,11 +138,11 @@ def test_a_line_that_is_no_parameter_is_named(repository, line):
 
 
 def test_begin_opens_a_default_run(paper, repository):
-    claims, figures = pages.begin(paper, values(paper))
-    assert claims.strict
-    assert figures.folder == repository / "figures"
-    assert figures.provenance["seed"] == 20
-    assert set(figures.provenance["parameters"]) == set(pages.parameters(paper)) - set(
+    ledger, portfolio = pages.begin(paper, values(paper))
+    assert ledger.strict
+    assert portfolio.folder == repository / "figures"
+    assert portfolio.provenance["seed"] == 20
+    assert set(portfolio.provenance["parameters"]) == set(pages.parameters(paper)) - set(
         pages.PLUMBING
     )
 
@@ -184,10 +184,10 @@ def test_parameters_that_change_no_result_may_differ(paper):
 
 
 def test_begin_with_other_parameters_and_a_folder(paper, tmp_path):
-    claims, figures = pages.begin(paper, values(paper, n_trials=7, out=str(tmp_path / "try")))
-    assert not claims.strict
-    assert figures.folder == tmp_path / "try"
-    assert list(figures.folder.iterdir()) == []  # the probe is gone
+    ledger, portfolio = pages.begin(paper, values(paper, n_trials=7, out=str(tmp_path / "try")))
+    assert not ledger.strict
+    assert portfolio.folder == tmp_path / "try"
+    assert list(portfolio.folder.iterdir()) == []  # the probe is gone
 
 
 def test_a_relative_folder_is_made_with_its_parents(tmp_path, monkeypatch):
@@ -253,7 +253,7 @@ def test_a_page_follows_its_notebook(repository):
 
 def test_a_page_with_a_kernel_works_where_nothing_can_be_written(repository, monkeypatch):
     (repository / "file").write_text("in the way of a folder")
-    monkeypatch.setattr(paths, "BUILD", repository / "file" / "build")
+    monkeypatch.setitem(paths.PLACES, "BUILD", "file/build")
     cells = {
         "algorithm": "from tbdcore import kernel\n\n\n@kernel\ndef twice(x):\n    return 2 * x",
         "parameters": "seed: int = 1",
@@ -284,33 +284,63 @@ def test_functions_of_a_page_reach_the_workers(repository):
     np.testing.assert_array_equal(ours, [page.run(1, i) for i in range(5)])
 
 
-def test_the_hash_of_the_sources_follows_code_claims_and_modules(repository):
-    first = pages.sources("tiny")
-    assert pages.sources("tiny") == first
+def test_the_digest_follows_code_claims_rules_and_modules(repository, tmp_path, monkeypatch):
+    tiny.copy_package(tmp_path)
+    monkeypatch.setattr(paths, "PACKAGE", tmp_path / "tbdcore")
+    seen = [pages.digest("tiny")]
     rewrite(repository, claims="1 + 1")
-    second = pages.sources("tiny")
+    seen.append(pages.digest("tiny"))
     (paths.CLAIMS / "tiny.csv").write_text(tiny.CLAIMS.replace("cheap", "dear"))
-    third = pages.sources("tiny")
-    with (paths.PACKAGE / "repro" / "trials.py").open("a") as module:
+    seen.append(pages.digest("tiny"))
+    with (tmp_path / "tbdcore" / "repro" / "trials.py").open("a") as module:
         module.write("\nextra = 1\n")
-    fourth = pages.sources("tiny")
-    with (paths.PACKAGE / "dynprog.py").open("a") as module:  # which the notebook does not import
+    seen.append(pages.digest("tiny"))
+    assert len(set(seen)) == 4
+    with (tmp_path / "tbdcore" / "dynprog.py").open("a") as module:  # which it does not import
         module.write("\nextra = 1\n")
-    assert len({first, second, third, fourth}) == 4
-    assert pages.sources("tiny") == fourth
+    assert pages.digest("tiny") == seen[-1]
+
+
+def test_the_digest_does_not_see_comments_docstrings_text_cells_and_causes(
+    repository, tmp_path, monkeypatch
+):
+    tiny.copy_package(tmp_path)
+    monkeypatch.setattr(paths, "PACKAGE", tmp_path / "tbdcore")
+    before = pages.digest("tiny")
+    rewrite(repository, trials=f"# a remark\n{tiny.CELLS['trials']}  # another")
+    for module in (tmp_path / "tbdcore").rglob("*.py"):
+        source = module.read_text(encoding="utf-8")
+        module.write_text(
+            source.replace('"""', '"""Words. ', 1) + "\n# a remark\n", encoding="utf-8"
+        )
+    caused = tiny.CLAIMS.replace("number,Sec. 1,", "number,Sec. 1,because")
+    (paths.CLAIMS / "tiny.csv").write_text(caused)
+    assert caused != tiny.CLAIMS
+    assert pages.digest("tiny") == before
 
 
 @pytest.mark.parametrize("name", ["track_cfar/verdicts.csv", "track_cfar/fig05.csv"])
-def test_the_hash_of_the_index_follows_what_it_shows(tmp_path, monkeypatch, name):
+def test_the_digest_of_the_index_follows_what_it_shows(tmp_path, monkeypatch, name):
     shutil.copytree(
         paths.PRODUCTS, tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg")
     )
     monkeypatch.setenv("TBDCORE_FIGURES", str(tmp_path / "figures"))
-    before, chapter = pages.sources("index"), pages.sources("track_cfar")
+    before, chapter = pages.digest("index"), pages.digest("track_cfar")
     with (tmp_path / "figures" / name).open("a") as file:
         file.write("\n")
-    assert pages.sources("index") != before
-    assert pages.sources("track_cfar") == chapter
+    assert pages.digest("index") != before
+    assert pages.digest("track_cfar") == chapter
+
+
+DAMAGED = {"no object": "[]", "no cells": "{}", "no source": '{"cells": [{"cell_type": "code"}]}'}
+
+
+@pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_notebook_is_named_in_one_line(repository, content):
+    (repository / "notebooks" / "01_tiny.ipynb").write_text(content)
+    with pytest.raises(ValueError, match=r"01_tiny\.ipynb: no notebook .*; take it from") as caught:
+        pages.parameters("tiny")
+    one_line(caught)
 
 
 def executed():

@@ -64,7 +64,7 @@ every_paper = pytest.mark.parametrize("paper", PAPERS)
 
 def test_each_paper_has_claims_a_notebook_and_a_bibliography():
     assert sorted(PAPERS) == claims.papers()
-    text = (paths.DATA / "papers.toml").read_text(encoding="utf-8")
+    text = paths.BIBLIOGRAPHY.read_text(encoding="utf-8")
     assert all(f"[{paper}]" in text for paper in PAPERS)
 
 
@@ -193,8 +193,8 @@ def test_a_notebook_begins_and_publishes(paper):
     begins = [i for i, cell in enumerate(text) if "tbdcore.begin(" in cell]
     assert len(begins) == 1
     assert f'tbdcore.begin("{paper}", vars())' in text[begins[0]]
-    assert text[-1].strip().endswith("figures.publish(claims)")
-    assert sum("figures.publish(" in cell for cell in text) == 1
+    assert text[-1].strip().endswith("portfolio.publish(ledger)")
+    assert sum("portfolio.publish(" in cell for cell in text) == 1
 
 
 @every_paper
@@ -226,7 +226,7 @@ def test_the_algorithm_stands_alone(paper):
 def test_every_figure_is_the_last_expression_of_its_cell(name):
     for number, cell in enumerate(cells(name), start=1):
         text = source(cell)
-        calls = text.count("figures.save(")
+        calls = text.count("portfolio.save(")
         assert calls <= 1, f"cell {number} saves {calls} figures; one figure per cell"
         if calls:
             assert any("image/png" in output.get("data", {}) for output in cell["outputs"]), (

@@ -1,0 +1,277 @@
+"""Products as files: text of tables, writing, records, and the digest of what made them.
+
+A product is a set of files with one name, ``<paper>/<name>``.  Its JSON, the *record*, says what
+made it: caption, parameters, seed, trials, claims shown, package versions, and a digest of the
+*meaning* of its sources: the parsed code of the page and of the modules that it imports, and the
+claims file but for its causes.  Comments, docstrings, layout and text cells do not count.
+
+``write``        some files into a folder, all or none
+``table_files``  a frame as CSV, Markdown and LaTeX, the last two with the id in a comment
+``record``       what a product's JSON says
+``meaning``      a source without comments, docstrings and positions, as text
+``digest``       a short hash
+
+Nothing here imports matplotlib, papermill or Jupyter.
+"""
+
+import ast
+import contextlib
+import hashlib
+import json
+import math
+import os
+import re
+import signal
+from importlib.metadata import version
+
+from tbdcore.repro import paths
+
+# what asks a run to end
+ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+RECORDED = ("id", "caption", "paper", "claims", "files", "seed", "trials", "digest")
+
+# Files ---------------------------------------------------------------------------------------
+
+
+def write(folder, files, old=()):
+    """Write files (name -> bytes) into a folder, all or none; then remove the files `old`.
+
+    All are written beside their places first, then renamed; a signal that asks the run to end
+    waits until the renaming is done.  Raises OSError, with nothing replaced, when the folder
+    cannot be made or written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    beside = [(folder / f".{name}.{os.getpid()}.part", folder / name) for name in files]
+    try:
+        for (part, _), content in zip(beside, files.values(), strict=True):
+            part.write_bytes(content)
+        with _signals_held():
+            for part, place in beside:
+                os.replace(part, place)
+            for place in old:
+                place.unlink(missing_ok=True)
+    finally:
+        for part, _ in beside:
+            part.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _signals_held():
+    """Hold back signals that ask the run to end until the block is done.
+
+    Signals reach the main thread only; one that is ignored stays ignored.
+    """
+    came, before = [], {}
+    with contextlib.suppress(ValueError):  # not the main thread
+        for number in ENDING:
+            if signal.getsignal(number) != signal.SIG_IGN:
+                before[number] = signal.signal(number, lambda *event: came.append(event[0]))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+        for number in came:
+            signal.raise_signal(number)
+
+
+def record(file):
+    """What a product's JSON file says of it; ValueError, naming the file, when it is damaged."""
+    try:
+        about = dict(json.loads(file.read_text(encoding="utf-8")))
+        _ = [about[key] for key in RECORDED]
+        return about
+    except (ValueError, TypeError, KeyError):
+        raise ValueError(
+            f"{file}: damaged; delete it, then make the products anew: "
+            f"tbdcore run {file.parent.name}"
+        ) from None
+
+
+def data(id):
+    """The data behind a product of the default runs, ``data("track_cfar/fig05")``, as a frame.
+
+    Raises ValueError when there is none.
+    """
+    import pandas as pd
+
+    path = paths.figures() / f"{id}.csv"
+    if not path.is_file():
+        raise ValueError(
+            f"{id}: no such data in {paths.figures()}; "
+            "products are named <paper>/<name>, such as track_cfar/fig05"
+        )
+    return pd.read_csv(path)
+
+
+# Digests -------------------------------------------------------------------------------------
+
+
+def digest(contents):
+    """Short hash of some byte strings."""
+    total = hashlib.sha256()
+    for content in contents:
+        total.update(hashlib.sha256(content).digest())
+    return total.hexdigest()[:16]
+
+
+def versions():
+    """Versions of the packages that numbers and pictures depend on."""
+    return {name: version(name) for name in ("numpy", "scipy", "numba", "matplotlib", "pandas")}
+
+
+def meaning(source):
+    """A source without comments, docstrings and layout: a canonical text of its syntax tree.
+
+    The same on every supported Python: fields that are empty are left out, since which of them a
+    node has depends on the version; neighbouring pieces of a string are one.
+    """
+    return _walk(ast.parse(source))
+
+
+def _walk(node):
+    if isinstance(node, list):
+        return "[" + ",".join(map(_walk, _merged(node))) + "]"
+    if not isinstance(node, ast.AST):
+        return f"{type(node).__name__}:{node!r}"
+    fields = dict(ast.iter_fields(node))
+    if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+        fields["body"] = fields["body"][ast.get_docstring(node, clean=False) is not None :]
+    kept = {name: value for name, value in fields.items() if name not in ("kind", "type_comment")}
+    told = [f"{name}={_walk(value)}" for name, value in kept.items() if value not in (None, [])]
+    if isinstance(node, ast.Constant) and node.value is None:
+        told = ["value=None"]
+    return f"{type(node).__name__}({','.join(told)})"
+
+
+def _merged(nodes):
+    """Neighbouring string constants, as an f-string has them, as one; empty ones left out."""
+    out = []
+    for node in nodes:
+        text = isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if text and out and isinstance(out[-1], ast.Constant) and isinstance(out[-1].value, str):
+            out[-1] = ast.Constant(out[-1].value + node.value)
+        else:
+            out.append(node)
+    return out
+
+
+def imported(source):
+    """Files of this package that a source imports, directly or through one another, sorted."""
+    found, todo = set(), _imports(source)
+    while todo:
+        file = todo.pop()
+        found.add(file)
+        todo |= _imports(file.read_text(encoding="utf-8")) - found
+    return sorted(found)
+
+
+def _imports(source):
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tbdcore"):
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names if alias.name.startswith("tbdcore")}
+    parts = [name.split(".")[1:] for name in names]
+    files = {paths.PACKAGE.joinpath(*part).with_suffix(".py") for part in parts if part}
+    return {file for file in files if file.is_file()}
+
+
+# Tables as text ------------------------------------------------------------------------------
+
+
+def table_files(frame, name, id):
+    """A frame as the files of a table: CSV, Markdown and LaTeX by name."""
+    return {
+        f"{name}.csv": csv(frame),
+        f"{name}.md": f"<!-- {id} -->\n\n{markdown(frame)}".encode(),
+        f"{name}.tex": f"% {id}\n{latex(frame)}".encode(),
+    }
+
+
+def csv(frame):
+    """A frame as CSV, numbers to six significant digits.
+
+    These are fewer than differ between CPUs, and more than any figure shows.
+    """
+    return frame.to_csv(
+        index=_named(frame.index), float_format="%.6g", lineterminator="\n"
+    ).encode()
+
+
+def _named(index):
+    """Whether an index has names for the rows, or only counts them."""
+    return index.names != [None] or type(index).__name__ != "RangeIndex"
+
+
+def _cells(frame):
+    """Header and rows of a frame as text; an index with names becomes a column."""
+    named = frame.rename_axis("") if frame.index.names == [None] else frame
+    flat = named.reset_index() if _named(frame.index) else frame
+    rows = [[_cell(value) for value in row] for row in flat.itertuples(index=False, name=None)]
+    columns = [" ".join(map(str, c)) if isinstance(c, tuple) else c for c in flat.columns]
+    return [_cell(name) for name in columns], rows
+
+
+def _cell(value):
+    """One cell as text; NaN is empty."""
+    if isinstance(value, float):  # NumPy's double is one
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return str(value)
+
+
+def markdown(frame):
+    """A frame as a Markdown table."""
+    header, rows = _cells(frame)
+    lines = [header, ["---"] * len(header), *rows]
+    escaped = [" | ".join(cell.replace("|", r"\|") for cell in line) for line in lines]
+    return "".join(f"| {line} |\n" for line in escaped)
+
+
+_LETTERS = (
+    "alpha beta gamma delta eta theta kappa lambda mu pi rho sigma tau phi chi omega "
+    "Delta Lambda Sigma Omega le ge times to pm"
+)
+_TEX = {
+    "\\": r"\textbackslash{}",
+    **{c: "\\" + c for c in "&%$#_{}"},
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{
+        c: rf"\ensuremath{{\{name}}}"
+        for c, name in zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→±", _LETTERS.split(), strict=True)
+    },
+}
+_SYMBOL = re.compile(r"\b([A-Za-z])_([A-Za-z0-9]{1,3}|FA|TAR)\b")  # P_d, R_T, r_P
+
+
+def latex(frame):
+    """A frame as a LaTeX tabular with booktabs rules.
+
+    Cells in dollars stay mathematics, symbols such as P_d and ± become it, everything else is
+    escaped; columns of numbers are aligned to the right.
+    """
+    header, rows = _cells(frame)
+    columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
+    places = "".join("r" if all(map(_is_number, column)) else "l" for column in columns)
+
+    def line(cells):
+        return " & ".join(map(tex, cells)) + r" \\"
+
+    body = [line(header), r"\midrule", *map(line, rows)]
+    ends = rf"\begin{{tabular}}{{{places}}}", r"\end{tabular}"
+    return "\n".join([ends[0], r"\toprule", *body, r"\bottomrule", ends[1], ""])
+
+
+def _is_number(cell):
+    return bool(re.fullmatch(r"[-+−]?[\d.]+(e[-+]?\d+)?( ± [\d.]+)?|", cell))
+
+
+def tex(text):
+    """Text with LaTeX's special characters escaped outside mathematics."""
+    text = _SYMBOL.sub(r"$\1_{\\mathrm{\2}}$", text) if "$" not in text else text
+    pieces = re.split(r"(\$[^$]+\$)", text)
+    return "".join(
+        piece if i % 2 else "".join(_TEX.get(c, c) for c in piece) for i, piece in enumerate(pieces)
+    )

@@ -1,0 +1,101 @@
+"""What a page shows a reader: figures with their captions, and the first screen.
+
+The first screen is rendered from the committed products, never from the present run, so that a
+reader who opens a page sees what came out before the page has run.  A default run compares it with
+its own results when it publishes (``check``).
+"""
+
+from tbdcore.repro import claims, paths, products
+
+_SHOWN = {}  # paper -> rows of its first screen's table, and the table as it was shown
+
+
+class Exhibit:
+    """A figure on a page: the picture, with its caption as alternative text, and the caption."""
+
+    def __init__(self, id, caption, png):
+        self.id, self.caption, self.png = id, caption, png
+
+    def __repr__(self):
+        return f"{self.id}: {self.caption}"
+
+    def _ipython_display_(self):
+        from IPython.display import Markdown, display
+
+        alt = {"image/png": {"alt": self.caption}}
+        picture = {"image/png": self.png, "text/plain": f"<{self.id}>"}
+        display(picture, raw=True, metadata=alt)
+        display(Markdown(f"*{self.id}.* {self.caption}"))
+
+
+class Table:
+    """A table on the first screen: HTML for the reader, plain text elsewhere."""
+
+    def __init__(self, text):
+        self.text = text
+
+    def __repr__(self):
+        return self.text
+
+    def _repr_markdown_(self):
+        return self.text
+
+
+def outcome(paper, rows):
+    """The table of a first screen: for each row what, published, measured, verdict.
+
+    `rows` maps what is measured, in words, to the id of its claim.  Without committed verdicts
+    the table says "not yet run".
+    """
+    text = _table(paper, rows, paths.PRODUCTS)
+    _SHOWN[paper] = dict(rows), text
+    return Table(text)
+
+
+def _table(paper, rows, folder):
+    head = "| | published | here | verdict |\n|---|---|---|---|\n"
+    try:
+        found = claims.verdicts(paper, folder).set_index("id")
+    except (FileNotFoundError, ValueError):
+        lines = "".join(f"| {what} | | | not yet run |\n" for what in rows)
+        return f"{head}{lines}\n*Not yet run.*\n"
+    lines = []
+    for what, id in rows.items():
+        if id not in found.index:
+            raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
+        row = found.loc[id]
+        lines.append(f"| {what} | {row['published']} | {_measured(row)} | {_verdict(row)} |\n")
+    return f"{head}{''.join(lines)}\n*{_run(paper, folder)}*\n"
+
+
+def _measured(row):
+    error = f" ± {row['se']}" if row["se"] else ""
+    return f"{row['measured']}{error}"
+
+
+def _verdict(row):
+    known = row.get("evidence", "measured")
+    return row["verdict"] + (f" ({known})" if known and known != "measured" else "")
+
+
+def _run(paper, folder):
+    """The run that the table shows, in words."""
+    for file in sorted((folder / paper).glob("*.json")):
+        about = products.record(file)
+        return f"Default run: seed {about['seed']}, {about['trials']} trials; ± one standard error."
+    return "Default run; ± one standard error."
+
+
+def exhibit(id):
+    """A committed figure, ``exhibit("track_cfar/fig05")``, or a line that says there is none yet."""
+    file = paths.PRODUCTS / f"{id}.png"
+    if not file.is_file():
+        return Table(f"*{id}: not yet run.*")
+    return Exhibit(id, products.record(file.with_suffix(".json"))["caption"], file.read_bytes())
+
+
+def check(paper, folder):
+    """Raise RuntimeError when the first screen showed other values than a folder's verdicts."""
+    rows, text = _SHOWN.get(paper, ({}, ""))
+    if rows and text != _table(paper, rows, folder):
+        raise RuntimeError(f"{paper}: first screen is stale; run again")

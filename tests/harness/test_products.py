@@ -1,0 +1,193 @@
+"""Products: written all or none, tables as text, and a digest that follows the meaning of code."""
+
+import ast
+import json
+import re
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tbdcore.repro import paths, products
+
+
+def content(folder):
+    return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_failing_write_leaves_the_old_files(tmp_path):
+    products.write(tmp_path, {"a.csv": b"old a", "b.csv": b"old b"})
+    with pytest.raises(TypeError):  # the second cannot be written: the first must stay
+        products.write(tmp_path, {"a.csv": b"new a", "b.csv": object()})
+    assert content(tmp_path) == {"a.csv": b"old a", "b.csv": b"old b"}
+
+
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OSError, match="file"):
+        products.write(tmp_path / "file" / "toy", {"a.csv": b""})
+
+
+def test_a_signal_waits_until_all_files_are_in_place(tmp_path, monkeypatch):
+    """And one that was ignored before, as by nohup, stays ignored."""
+    replace = products.os.replace
+
+    def interrupted(part, place):
+        signal.raise_signal(signal.SIGINT)
+        replace(part, place)
+
+    monkeypatch.setattr(products.os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        products.write(tmp_path, {"a": b"1", "b": b"2"})
+    assert content(tmp_path) == {"a": b"1", "b": b"2"}
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        products.write(tmp_path, {"a": b"3"})
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+SAME = {
+    "a comment": ("x = 1", "x = 1  # one"),
+    "a docstring": (
+        'def f():\n    """Old."""\n    return 1',
+        'def f():\n    """New."""\n    return 1',
+    ),
+    "a module's docstring": ('"""Old."""\nx = 1', "x = 1"),
+    "layout": ("f(1,\n  2)", "f(1, 2)"),
+    "quotes": ("x = 'a'", 'x = "a"'),
+    "parentheses": ("x = (1 + 2)", "x = 1 + 2"),
+    "pieces of a string": ('x = f"a{b}c" f"d{e}"', 'x = f"a{b}cd{e}"'),
+}
+OTHER = {
+    "a number": ("x = 1", "x = 2"),
+    "a type": ("x = 1", "x = 1.0"),
+    "a string that is no docstring": ('x = "a"', 'x = "b"'),
+    "an operator": ("x < y", "x <= y"),
+    "None": ("return_ = None", "return_ = 0"),
+    "an empty list": ("x = []", "x = ()"),
+    "a default": ("def f(a=None): return a", "def f(a): return a"),
+    "a decorator": ("@g\ndef f(): return 1", "def f(): return 1"),
+    "an imported name": ("from a import b", "from a import c"),
+    "a keyword": ("f(a=1)", "f(b=1)"),
+}
+
+
+@pytest.mark.parametrize("sources", SAME.values(), ids=SAME)
+def test_what_does_not_change_the_meaning(sources):
+    assert products.meaning(sources[0]) == products.meaning(sources[1])
+
+
+@pytest.mark.parametrize("sources", OTHER.values(), ids=OTHER)
+def test_what_changes_the_meaning(sources):
+    assert products.meaning(sources[0]) != products.meaning(sources[1])
+
+
+def test_the_meaning_has_no_field_that_only_some_pythons_have():
+    text = products.meaning("def f[T](x): return x" if sys.version_info >= (3, 12) else "x = 1")
+    assert "type_comment" not in text
+    plain = products.meaning("class A:\n    def f(self):\n        return f'{self!r:>{9}}'")
+    assert "type_params" not in plain
+    assert "kind" not in plain
+
+
+def test_the_meaning_tells_apart_all_modules():
+    sources = [file.read_text(encoding="utf-8") for file in paths.PACKAGE.rglob("*.py")]
+    assert len({products.meaning(source) for source in sources}) == len(sources)
+    for source in sources:  # a tree that is written out and read again means the same
+        assert products.meaning(ast.unparse(ast.parse(source))) == products.meaning(source)
+
+
+def test_only_modules_that_are_imported_count():
+    files = products.imported("from tbdcore import kalman\nfrom tbdcore.repro.claims import given")
+    names = {str(file.relative_to(paths.PACKAGE)) for file in files}
+    assert names == {"kalman.py", "score.py", *(f"repro/{name}.py" for name in ("claims", "paths"))}
+
+
+def test_the_products_module_loads_no_matplotlib():
+    code = "import sys, tbdcore.repro.products, tbdcore.repro.claims; print('matplotlib' in sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout == "False\n"
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"id": 1}', "\x00"])
+def test_a_damaged_record_is_named(tmp_path, text):
+    (tmp_path / "fig1.json").write_text(text)
+    with pytest.raises(ValueError, match=r"fig1\.json: damaged; delete it, then make") as caught:
+        products.record(tmp_path / "fig1.json")
+    assert "\n" not in str(caught.value)
+
+
+# Tables --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [None, "filter"])
+def test_a_table_keeps_the_names_of_its_rows(name):
+    frame = pd.DataFrame({"x": [1.5, 2.0]}, index=pd.Index(["a_1", "b"], name=name))
+    files = products.table_files(frame, "table1", "toy/table1")
+    csv, md, tex = (files[f"table1.{end}"].decode() for end in ("csv", "md", "tex"))
+    assert csv.splitlines() == [f"{name or ''},x", "a_1,1.5", "b,2"]
+    assert md.splitlines()[0] == "<!-- toy/table1 -->"
+    assert md.splitlines()[2:] == [
+        f"| {name or ''} | x |",
+        "| --- | --- |",
+        "| a_1 | 1.5 |",
+        "| b | 2 |",
+    ]
+    assert tex.startswith("% toy/table1\n\\begin{tabular}{lr}")
+    assert r"$a_{\mathrm{1}}$ & 1.5 \\" in tex
+
+
+def test_numbers_are_written_with_six_digits():
+    frame = pd.DataFrame({"x": [1 / 3, 2e-9, np.nan, 123456.7]})
+    assert products.csv(frame) == b'x\n0.333333\n2e-09\n""\n123457\n'
+    assert products.markdown(frame) == "| x |\n| --- |\n| 0.333333 |\n| 2e-09 |\n|  |\n| 123457 |\n"
+
+
+def test_markdown_escapes_what_would_break_the_table():
+    frame = pd.DataFrame({"|x|": ["a|b"]})
+    assert products.markdown(frame) == "| \\|x\\| |\n| --- |\n| a\\|b |\n"
+
+
+def test_latex_escapes_text_and_sets_mathematics():
+    rows = [r"$P_D^2$ of a_bcde #1", r"\ ~ ^ { } $", "P_d at R_T = 3", "0.5 ± 0.1"]
+    text = products.latex(pd.DataFrame({"50 % & more": rows}))
+    assert text.splitlines() == [
+        r"\begin{tabular}{l}",
+        r"\toprule",
+        r"50 \% \& more \\",
+        r"\midrule",
+        r"$P_D^2$ of a\_bcde \#1 \\",
+        r"\textbackslash{} \textasciitilde{} \textasciicircum{} \{ \} \$ \\",
+        r"$P_{\mathrm{d}}$ at $R_{\mathrm{T}}$ = 3 \\",
+        r"0.5 \ensuremath{\pm} 0.1 \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+def test_columns_of_numbers_are_aligned_to_the_right():
+    frame = pd.DataFrame({"name": ["a", "b"], "x": [1.0, np.nan], "y": ["0.5 ± 0.1", "-2"]})
+    assert products.latex(frame).startswith(r"\begin{tabular}{lrr}")
+
+
+def test_letters_that_pdftex_cannot_set_become_mathematics():
+    assert products.tex("λ ≤ 2 & $λ$") == r"\ensuremath{\lambda} \ensuremath{\le} 2 \& $λ$"
+
+
+def test_a_named_index_is_a_column():
+    frame = pd.DataFrame({"value": [1, 2]}, index=pd.Index(["a", "b"], name="case"))
+    assert products.markdown(frame).splitlines()[0] == "| case | value |"
+    assert products.latex(frame).splitlines()[2] == r"case & value \\"
+
+
+def test_every_committed_record_is_whole():
+    records = sorted(paths.PRODUCTS.glob("*/*.json"))
+    assert records
+    for file in records:
+        assert products.record(file)["id"] == f"{file.parent.name}/{file.stem}"
+        assert re.fullmatch("[0-9a-f]{16}", json.loads(file.read_text())["digest"])
