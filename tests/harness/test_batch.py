@@ -1,187 +1,150 @@
-"""Runs of a small notebook: what is said, skipped, counted, swept, and left behind after a Ctrl-C."""
+"""Runs of a small notebook: what is said, skipped, counted, swept and removed."""
 
 import csv
 import json
-import shutil
-import signal
-import subprocess
-import sys
-import time
-from functools import partial
 
-import psutil
 import pytest
 import tiny
 
-
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """The small repository after its first run, and what that run said."""
-    folder = tmp_path_factory.mktemp("ran") / "repository"
-    folder.mkdir()
-    return folder, tiny.repository(folder)("run")
+from tbdcore.repro import batch, cli, paths
 
 
-@pytest.fixture
-def folder(ran, tmp_path):
-    """A copy of it."""
-    return shutil.copytree(ran[0], tmp_path / "repository", symlinks=True)
-
-
-@pytest.fixture
-def tbdcore(folder):
-    return lambda *words: subprocess.run(
-        tiny.command(*words),
-        cwd=folder,
-        env=tiny.environment(folder),
-        capture_output=True,
-        text=True,
-    )
-
-
-def products(folder):
-    """Every file under figures/ and its time."""
-    return {file: file.stat().st_mtime_ns for file in sorted((folder / "figures").rglob("*"))}
-
-
-def would_skip(folder, *runs):
+def would_skip(*runs):
     """Whether the paper would be skipped by resumed runs with these parameters."""
-    code = f"from tbdcore.repro import batch, paths; print([batch.done('tiny', values, paths.figures()) for values in {runs}])"
-    said = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=folder,
-        env=tiny.environment(folder),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return json.loads(said.stdout.lower())
+    return [batch.done("tiny", values, paths.figures()) for values in runs]
 
 
-def test_run_says_what_it_does_and_what_to_expect_the_next_time(ran, folder, tbdcore):
-    _, first = ran
-    assert (first.returncode, first.stderr) == (0, "")
-    assert first.stdout.startswith("tiny: running\ntiny: 3 claims (2 reproduced, 1 untestable); ")
-    again = tbdcore("run")
-    assert " s the last time\n" in again.stdout
-    assert ", expected " in again.stdout
+def test_a_run_says_what_it_does(first_run):
+    folder, said = first_run
+    assert said.stderr == ""
+    assert said.stdout.startswith("tiny: running\ntiny: 3 claims (2 reproduced, 1 untestable); ")
     assert not list((folder / "build").glob("*.part*"))
 
 
-def test_resume_skips_what_is_done(tbdcore, folder):
-    made = products(folder)
-    skipped = tbdcore("run", "--resume", "--json")
-    assert json.loads(skipped.stdout) == {
+def test_a_second_run_gives_the_same_bytes_and_a_clean_notebook(folder):
+    """With another number of workers; it says how long the first one took."""
+    made = tiny.products(folder)
+    assert len(made) == 10
+    again = tiny.run(folder, "run", "tiny", "--in-place", "--workers", "2")
+    assert again.returncode == 0, again.stderr
+    assert " s the last time\n" in again.stdout
+    assert ", expected " in again.stdout
+    assert {file: content for file, (content, _) in tiny.products(folder).items()} == {
+        file: content for file, (content, _) in made.items()
+    }
+    text = (folder / "notebooks" / "01_tiny.ipynb").read_text(encoding="utf-8")
+    assert [cell["execution_count"] for cell in json.loads(text)["cells"]] == list(range(1, 9))
+    assert "papermill" not in text
+    assert text.endswith("}\n")
+
+
+def test_resume_skips_what_is_done(inside, capsys):
+    made = tiny.products(inside)
+    assert cli.main(["run", "--resume", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out) == {
         "paper": "tiny",
         "seconds": 0.0,
         "verdicts": {"reproduced": 2, "untestable": 1},
-        "folder": str(folder / "figures" / "tiny"),
-        "notebook": str(folder / "build" / "01_tiny.ipynb"),
+        "folder": str(inside / "figures" / "tiny"),
+        "notebook": str(inside / "build" / "01_tiny.ipynb"),
         "skipped": True,
         "status": 0,
         "error": "",
     }
-    assert "skipped" in skipped.stderr
-    assert products(folder) == made
+    assert "skipped" in err
+    assert tiny.products(inside) == made
 
 
-def test_resume_goes_by_the_parameters_that_can_change_a_result(folder):
-    assert would_skip(folder, {}, {"workers": 7}, {"shift": 2.0}) == [True, True, False]
+def test_resume_goes_by_the_parameters_that_can_change_a_result(inside):
+    assert would_skip({}, {"workers": 7}, {"shift": 2.0}) == [True, True, False]
 
 
-@pytest.mark.parametrize(
-    "change", ["a product", "repro/trials", "repro/figures", "repro/pages", "__init__", "a version"]
-)
-def test_resume_does_not_skip_what_is_not_done(folder, change):
-    about = folder / "figures" / "tiny" / "table1.json"
+@pytest.mark.parametrize("change", ["a product", "repro/trials", "repro/figures", "a version"])
+def test_resume_does_not_skip_what_is_not_done(inside, change):
+    about = inside / "figures" / "tiny" / "table1.json"
     if change == "a product":
         about.with_suffix(".tex").unlink()
     elif change != "a version":
-        module = folder / "tbdcore" / f"{change}.py"
-        module.write_text(module.read_text(encoding="utf-8") + "# changed\n", encoding="utf-8")
+        module = inside / "tbdcore" / f"{change}.py"
+        module.write_text(module.read_text(encoding="utf-8") + "CHANGED = 1\n", encoding="utf-8")
     else:
         about.write_text(about.read_text().replace('"numpy": "', '"numpy": "0'))
-    assert would_skip(folder, {}) == [False]
+    assert would_skip({}) == [False]
 
 
-def test_a_failing_run_is_one_line_and_leaves_the_products(tbdcore, folder):
-    made = products(folder)
-    cells = tiny.CELLS | {"table": "1 / 0"}
-    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
-    failed = tbdcore("run", "tiny", "--json")
+def test_quick_never_touches_the_figures(folder):
+    made = tiny.products(folder)
+    quick = tiny.run(folder, "run", "--quick", "--resume")
+    assert quick.returncode == 0, quick.stderr
+    assert tiny.products(folder) == made
+    about = json.loads((folder / "build" / "quick" / "tiny" / "fig1.json").read_text())
+    assert about["trials"] == 40
+
+
+def test_other_parameters_never_touch_the_figures(folder):
+    made = tiny.products(folder)
+    assert tiny.run(folder, "run", "-p", "n_trials=1e2").returncode == 0
+    assert tiny.products(folder) == made
+    about = json.loads((folder / "build" / "run" / "tiny" / "fig1.json").read_text())
+    assert about["trials"] == 100
+
+
+def failing(folder, *words, **cells):
+    """What a run with some other cells says when it fails; the products are untouched."""
+    made = tiny.products(folder)
+    tiny.change(folder, **cells)
+    failed = tiny.run(folder, "run", *words)
     assert failed.returncode == 1
-    assert json.loads(failed.stdout)["status"] == 1
-    assert "ZeroDivisionError" in json.loads(failed.stdout)["error"]
+    assert failed.stderr.splitlines()[-1].startswith("tbdcore: tiny")
+    assert "Traceback" not in failed.stdout + failed.stderr
+    assert tiny.products(folder) == made
+    assert not [file for file in folder.rglob("*.part*") if file.is_file()]
+    return failed
+
+
+def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
+    failed = failing(
+        folder, "--json", publish="ledger.verdicts.popitem()\nportfolio.publish(ledger)"
+    )
+    told = json.loads(failed.stdout)
+    assert told["status"] == 1
+    assert "tiny, cell 8: ValueError: tiny: no verdict on 1 of 3 claims: price" in told["error"]
+    assert told["error"] in failed.stderr
     left = folder / "build" / "01_tiny.failed.ipynb"
-    assert json.loads(failed.stdout)["notebook"] == str(left)
+    assert told["notebook"] == str(left)
     assert left.is_file()
     assert [line.partition(":")[0] for line in failed.stderr.splitlines()] == ["tiny", "tbdcore"]
-    assert products(folder) == made
-    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(tiny.CELLS), encoding="utf-8")
-    assert (
-        tbdcore("run", "tiny", "--quick", "--resume").returncode
-        == tbdcore("run", "tiny").returncode
-        == 0
-    )
-    assert not left.exists()
 
 
-def test_a_product_that_is_no_longer_made_is_removed(tbdcore, folder):
+def test_a_kernel_that_dies_is_one_line_with_its_last_words(folder):
+    cell = "import os\nos.write(2, b'out of paper\\n')\nos.kill(os.getpid(), 9)"
+    failed = failing(folder, trials=cell)
+    assert "tiny: the kernel died: out of paper; run it again" in failed.stderr
+    assert failed.stderr.count("\n") == 1
+
+
+def test_what_is_no_longer_made_is_removed(folder):
+    """And the notebook that an earlier run left when it failed; other files stay."""
     other = folder / "figures" / "tiny" / "notes.txt"
     other.write_text("mine")
     other.with_name("fig1.tex").write_text("of a figure that was a table once")
-    cells = {name: source for name, source in tiny.CELLS.items() if name != "table"}
-    (folder / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
-    assert tbdcore("run").returncode == 0
+    left = folder / "build" / "01_tiny.failed.ipynb"
+    left.write_text("of an earlier run")
+    tiny.change(folder, table=None)
+    assert tiny.run(folder, "run").returncode == 0
     names = {file.name for file in (folder / "figures" / "tiny").iterdir()}
     assert names == {
         "notes.txt",
         "verdicts.csv",
         *(f"fig1.{kind}" for kind in ("pdf", "svg", "png", "csv", "json")),
     }
+    assert not left.exists()
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupted_run_leaves_no_process_and_no_half_written_file(tbdcore, folder, sent):
-    made = products(folder)
-    words = ["run", "tiny", "--workers", "2", "-p", "pause=2", "--out", "build/slow"]
-    listening = partial(
-        signal.signal, signal.SIGINT, signal.SIG_DFL
-    )  # a runner in the background hands down a deaf ear
-    options = {
-        "cwd": folder,
-        "env": tiny.environment(folder),
-        "stdout": subprocess.PIPE,
-        "stderr": subprocess.PIPE,
-    }
-    run = subprocess.Popen(tiny.command(*words), preexec_fn=listening, text=True, **options)
-    own, seen, deadline = psutil.Process(run.pid), set(), time.monotonic() + 60
-    while (
-        sum("popen_loky" in " ".join(process.cmdline()) for process in seen) < 2
-        and time.monotonic() < deadline
-    ):
-        time.sleep(0.2)
-        seen = set(own.children(recursive=True))
-    assert len(seen) >= 3, "a kernel and two workers"
-    time.sleep(1)
-    run.send_signal(sent)
-    out, err = run.communicate(timeout=60)
-    assert (run.returncode, err) == (
-        130,
-        "tbdcore: interrupted; finished papers are kept, nothing is half written\n",
-    )
-    assert not [process for process in seen if process.is_running()]
-    assert products(folder) == made
-    assert not [
-        file
-        for file in (folder / "build").rglob("*")
-        if ".part" in file.name or file.parent.name == "tiny"
-    ]
-
-
-def test_sweep_is_one_tidy_table(tbdcore, folder):
-    made = products(folder)
-    swept = tbdcore("sweep", "tiny", "shift=-2,2", "-p", "n_trials=100", "--json")
+def test_sweep_is_one_tidy_table(folder):
+    made = tiny.products(folder)
+    swept = tiny.run(folder, "sweep", "tiny", "shift=-2,2", "-p", "n_trials=100", "--json")
     assert swept.returncode == 0, swept.stderr
     assert [json.loads(line)["status"] for line in swept.stdout.splitlines()] == [0, 0]
     place = folder / "build" / "sweep" / "tiny"
@@ -191,22 +154,4 @@ def test_sweep_is_one_tidy_table(tbdcore, folder):
     assert [row["verdict"] for row in rows if row["claim"] == "order"] == ["differs", "reproduced"]
     assert (place / "shift=-2" / "tiny" / "fig1.pdf").is_file()
     assert (place / "shift=-2" / "01_tiny.ipynb").is_file()
-    assert products(folder) == made
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("sweep", "tiny", "shift"), "name=v1,v2"),
-        (("sweep", "tiny", "shif=1"), "the nearest is 'shift'"),
-        (("sweep", "tiny", "shift=1,9"), "out of range"),
-        (("sweep", "tiny", "workers=1,2"), "cannot change a result"),
-        (("sweep", "tini", "shift=1,2"), "the nearest is 'tiny'"),
-        (("run", "--resume", "--in-place"), "drop"),
-    ],
-)
-def test_bad_usage_is_refused_in_one_line_before_anything_runs(tbdcore, folder, words, said):
-    refused = tbdcore(*words)
-    assert (refused.returncode, refused.stdout) == (2, "")
-    assert refused.stderr.count("\n") == 1
-    assert said in refused.stderr
+    assert tiny.products(folder) == made

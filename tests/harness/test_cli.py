@@ -1,9 +1,5 @@
-"""The command line: exit codes, errors of one line, and figures that only a good default run may
-touch.
-"""
+"""The command line: exit codes, errors of one line, and the scorecard."""
 
-import json
-import shutil
 import subprocess
 import sys
 
@@ -53,6 +49,15 @@ USAGE = {
     "negative workers": (["run", "tiny", "--workers", "-1"], "workers"),
     "workers no number": (["run", "tiny", "--workers", "two"], "invalid int value: 'two'"),
     "in place, not the default": (["run", "tiny", "--in-place", "-p", "shift=2"], "drop -p"),
+    "resumed in place": (["run", "--resume", "--in-place"], "drop"),
+    "sweep without values": (["sweep", "tiny", "shift"], "name=v1,v2"),
+    "sweep of an unknown parameter": (["sweep", "tiny", "shif=1"], "the nearest is 'shift'"),
+    "sweep out of range": (["sweep", "tiny", "shift=1,9"], "out of range"),
+    "sweep of no parameter of the result": (
+        ["sweep", "tiny", "workers=1,2"],
+        "cannot change a result",
+    ),
+    "sweep of an unknown paper": (["sweep", "tini", "shift=1,2"], "the nearest is 'tiny'"),
     "two forms of a citation": (
         ["cite", "tiny/fig1", "--latex", "--bibtex"],
         "not allowed with argument",
@@ -78,17 +83,11 @@ def test_a_folder_that_cannot_be_written(repository, capsys, monkeypatch, out):
     assert f"output folder {out}" in said(capsys, 2, "run", "tiny", "--out", out)
 
 
-def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys):
+@pytest.mark.parametrize("option", [["--scheduler", "nonsense"], ["-p", "scheduler=nonsense"]])
+def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys, option):
+    """One that does not answer is in test_trials."""
     pytest.importorskip("distributed")
-    assert "no dask scheduler answers" in said(
-        capsys, 3, "run", "tiny", "--scheduler", "tcp://127.0.0.1:9"
-    )
-    assert "no dask scheduler answers" in said(
-        capsys, 3, "run", "tiny", "-p", "scheduler=tcp://127.0.0.1:9"
-    )
-    assert "no address of a dask scheduler" in said(
-        capsys, 3, "run", "tiny", "--scheduler", "nonsense"
-    )
+    assert "no address of a dask scheduler" in said(capsys, 3, "run", "tiny", *option)
 
 
 @pytest.mark.parametrize("words", [["score"], ["run", "tiny"], ["sweep", "tiny", "shift=1,2"]])
@@ -152,7 +151,7 @@ def test_the_default_folder_is_tried_before_anything_starts(repository, capsys, 
 
 def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeypatch):
     def missing(arguments):
-        raise ModuleNotFoundError("No module named 'papermill'")
+        raise ModuleNotFoundError("No module named 'papermill'", name="papermill")
 
     monkeypatch.setattr(cli, "_run", missing)
     assert "papermill" in said(capsys, 3, "run")
@@ -222,113 +221,16 @@ def test_a_readme_without_markers_is_named(repository, capsys):
 def test_score_of_another_folder_leaves_the_readme_alone(repository, capsys):
     enter(repository, VERDICTS, "build/try")
     before = paths.README.read_bytes()
-    assert cli.main(["score", "--out", str(repository / "build" / "try")]) == 0
+    assert cli.main(["score", "--figures", str(repository / "build" / "try")]) == 0
     assert paths.README.read_bytes() == before
     assert (repository / "build" / "try" / "scorecard.csv").is_file()
 
 
-# From here on notebooks are executed, each in a process of its own.
-
-
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """A small repository after a default run."""
-    folder = tmp_path_factory.mktemp("cli") / "repository"
-    folder.mkdir()
-    run = tiny.repository(folder)
-    assert run("run").returncode == 0
-    return folder
-
-
-@pytest.fixture
-def folder(ran, tmp_path):
-    return shutil.copytree(ran, tmp_path / "repository")
-
-
-def tbdcore(folder, *words):
-    return subprocess.run(
-        tiny.command(*words),
-        cwd=folder,
-        env=tiny.environment(folder),
-        capture_output=True,
-        text=True,
-    )
-
-
-def products(folder):
-    """Every file under figures/, its bytes and its time."""
-    return {
-        file: (file.read_bytes(), file.stat().st_mtime_ns)
-        for file in (folder / "figures").rglob("*")
-        if file.is_file()
-    }
-
-
-def test_a_second_run_gives_the_same_bytes_and_a_clean_notebook(folder):
-    made = products(folder)
-    assert len(made) == 10
-    assert tbdcore(folder, "run", "tiny", "--in-place", "--workers", "2").returncode == 0
-    again = products(folder)
-    assert {file: content for file, (content, _) in again.items()} == {
-        file: content for file, (content, _) in made.items()
-    }
-    text = (folder / "notebooks" / "01_tiny.ipynb").read_text(encoding="utf-8")
-    assert [cell["execution_count"] for cell in json.loads(text)["cells"]] == list(range(1, 9))
-    assert "papermill" not in text
-    assert text.endswith("}\n")
-
-
-def test_quick_never_touches_the_figures(folder):
-    made = products(folder)
-    quick = tbdcore(folder, "run", "--quick")
-    assert quick.returncode == 0, quick.stderr
-    assert products(folder) == made
-    about = json.loads((folder / "build" / "quick" / "tiny" / "fig1.json").read_text())
-    assert about["trials"] == 40
-
-
-def test_other_parameters_never_touch_the_figures(folder):
-    made = products(folder)
-    assert tbdcore(folder, "run", "-p", "n_trials=1e2").returncode == 0
-    assert products(folder) == made
-    assert (
-        json.loads((folder / "build" / "run" / "tiny" / "fig1.json").read_text())["trials"] == 100
-    )
-
-
-def failing(folder, **cells):
-    """What a run with some other cells says when it fails: one line, and the products are
-    untouched.
-    """
-    made = products(folder)
-    (folder / "notebooks" / "01_tiny.ipynb").write_text(
-        tiny.notebook(tiny.CELLS | cells), encoding="utf-8"
-    )
-    failed = tbdcore(folder, "run")
-    assert failed.returncode == 1
-    assert failed.stderr.count("\n") == 1
-    assert products(folder) == made
-    assert not [file for file in folder.rglob("*.part*") if file.is_file()]
-    return failed.stderr
-
-
-def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
-    said = failing(folder, publish="claims.verdicts.popitem()\nfigures.publish(claims)")
-    assert "tiny, cell 8: ValueError: tiny: no verdict on 1 of 3 claims: price" in said
-    assert (folder / "build" / "01_tiny.failed.ipynb").is_file()
-
-
-def test_a_kernel_that_dies_is_one_line_with_its_last_words(folder):
-    said = failing(
-        folder, trials="import os\nos.write(2, b'out of paper\\n')\nos.kill(os.getpid(), 9)"
-    )
-    assert "tiny: the kernel died: out of paper; run it again" in said
-
-
-def test_plain_papermill_refuses_a_misspelt_parameter(folder):
+def test_plain_papermill_refuses_a_misspelt_parameter(repository):
     """Papermill itself would run it with the default and report success; the notebook's own first
     call does not.
     """
+    (repository / "build").mkdir()
     words = [
         "papermill",
         "notebooks/01_tiny.ipynb",
@@ -344,11 +246,11 @@ def test_plain_papermill_refuses_a_misspelt_parameter(folder):
     ]
     run = subprocess.run(
         [sys.executable, "-m", *words],
-        cwd=folder,
-        env=tiny.environment(folder),
+        cwd=repository,
+        env=tiny.environment(repository),
         capture_output=True,
         text=True,
     )
     assert run.returncode != 0
     assert "the nearest is 'n_trials'" in run.stderr
-    assert not (folder / "build" / "try" / "tiny").exists()
+    assert not (repository / "build" / "try" / "tiny").exists()
