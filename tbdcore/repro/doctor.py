@@ -1,10 +1,9 @@
-"""Whether this machine can reproduce the papers: a list of checks, each a line that says what is
-good or what to do.
+"""Whether this machine can reproduce the papers.
 
-A check is a function that returns what it found, or raises :class:`Fault` with what is wrong and
-what to do.  The last one is a self-test with known answers, in a few seconds: the first output of a
-random stream, a closed form through a compiled kernel, and a Monte Carlo run whose bits must be the
-same for one process and for two.
+Each check is a function that returns what it found, or raises :class:`Problem` with what is wrong
+and what to do.  The last one is a self-test with known answers, in a few seconds: the first output
+of a random stream, a closed form through a compiled kernel, and a Monte Carlo run whose bits must
+be the same for one process and for two.
 """
 
 import os
@@ -14,38 +13,39 @@ import tempfile
 from importlib import metadata
 from pathlib import Path
 
-from tbdcore.repro import paths
+import jupyter_client.kernelspec
+import numpy as np
+from jupyter_core.paths import jupyter_runtime_dir
+from packaging.markers import Marker
 
-INSTALL = "run: python -m pip install --require-hashes --no-deps -r environment.txt"
+from tbdcore.repro import paths, trials
+
 STREAM = 0x052D27BA31D1AF10  # first output of the stream (seed 20, trial 0)
 LOCKED = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;\\]+)\s*(?:;\s*([^\\]+?))?\s*\\?$", re.MULTILINE)
 
 
-class Fault(Exception):
+class Problem(Exception):
     """What is wrong, and what to do."""
 
 
 def examine():
     """Every check in turn; yields (good, line)."""
-    for check in CHECKS:
+    for title, check in CHECKS.items():
         try:
-            yield True, f"{check.__name__}: {check()}"
-        except Fault as fault:
-            yield False, f"{check.__name__}: {fault}"
-        except (
-            Exception
-        ) as error:  # the check itself cannot be made: that is a fault of the environment too
-            yield (
-                False,
-                f"{check.__name__}: {type(error).__name__}: {' '.join(str(error).split())}; "
-                f"{INSTALL}",
-            )
+            yield True, f"{title}: {check()}"
+        except Problem as problem:
+            yield False, f"{title}: {problem}"
+        except Exception as error:  # the check itself failed
+            said = " ".join(str(error).split())
+            yield False, f"{title}: {type(error).__name__}: {said}; {_install()}"
+
+
+def _install():
+    return f"run: python -m pip install --require-hashes --no-deps -r {paths.LOCK}"
 
 
 def locked(text):
     """Versions by distribution that a lock has for this Python and machine."""
-    from packaging.markers import Marker
-
     return {
         name: version
         for name, version, marker in LOCKED.findall(text)
@@ -53,7 +53,7 @@ def locked(text):
     }
 
 
-def versions():
+def packages():
     """Every distribution against the lock."""
     wanted = locked(paths.LOCK.read_text(encoding="utf-8"))
     have = {name: _version(name) for name in wanted}
@@ -64,7 +64,7 @@ def versions():
     ]
     if wrong:
         more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
-        raise Fault(f"{', '.join(wrong[:3])}{more}; {INSTALL}")
+        raise Problem(f"{', '.join(wrong[:3])}{more}; {_install()}")
     return f"Python {sys.version.split()[0]}, {len(wanted)} distributions as in {paths.LOCK.name}"
 
 
@@ -75,31 +75,25 @@ def _version(name):
         return None
 
 
-def kernel():
+def jupyter_kernel():
     """The Jupyter kernel that runs the notebooks, and whether it is this Python."""
-    from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
-
     make = f"make it: {sys.executable} -m ipykernel install --sys-prefix"
     try:
-        program = KernelSpecManager().get_kernel_spec("python3").argv[0]
-    except NoSuchKernel:
-        raise Fault(f"no Jupyter kernel python3; {make}") from None
+        program = jupyter_client.kernelspec.KernelSpecManager().get_kernel_spec("python3").argv[0]
+    except jupyter_client.kernelspec.NoSuchKernel:
+        raise Problem(f"no Jupyter kernel python3; {make}") from None
     if os.path.isabs(program) and Path(program).parent != Path(sys.executable).parent:
-        raise Fault(f"the Jupyter kernel python3 runs {program}, not this Python; {make}")
+        raise Problem(f"the Jupyter kernel python3 runs {program}, not this Python; {make}")
     return f"python3 runs {program if os.path.isabs(program) else sys.executable}"
 
 
 def cores():
     """Cores that this process may use."""
-    from tbdcore.repro import trials
-
     return f"{trials.cores()}; choose fewer with --workers"
 
 
 def folders():
     """The folders that runs write into."""
-    from jupyter_core.paths import jupyter_runtime_dir
-
     places = [
         paths.figures(),
         paths.BUILD,
@@ -108,7 +102,7 @@ def folders():
     ]
     for place in places:
         if not _writable(place):
-            raise Fault(
+            raise Problem(
                 f"{place} cannot be written; change its permissions, or give runs another folder: "
                 f"tbdcore run --out DIR"
             )
@@ -126,55 +120,56 @@ def _writable(folder):
         return False
 
 
-def cache():
+def compiled_code():
     """Where compiled kernels are kept between runs."""
     advice = "make it writable, or name a folder that is: NUMBA_CACHE_DIR"
     try:
         from tbdcore import kalman
     except RuntimeError as error:  # Numba found no folder at all
-        raise Fault(f"{error}; {advice}") from None
+        raise Problem(f"{error}; {advice}") from None
     place = Path(kalman.predict_cv.stats.cache_path)
     if not _writable(place):
-        raise Fault(f"{place} cannot be written, so every run compiles again; {advice}")
-    return f"compiled kernels are kept in {place}"
+        raise Problem(f"{place} cannot be written, so every run compiles again; {advice}")
+    return f"kept in {place}"
 
 
-def answers():
+def self_test():
     """Three calculations whose results are known."""
-    import numpy as np
-
     from tbdcore import kalman
-    from tbdcore.repro import trials
 
     first = int(_stream(20, 0).bit_generator.random_raw())
     if first != STREAM:
-        raise Fault(f"a random stream begins with {first:#x} instead of {STREAM:#x}; {INSTALL}")
-    _, P = kalman.predict_cv(
-        np.zeros(4), np.zeros((4, 4)), 2.0, 3.0
-    )  # covariance of white acceleration: q T^3/3, q T^2/2, q T
+        raise Problem(f"a random stream begins with {first:#x}, not with {STREAM:#x}; {_install()}")
+    # covariance of a white acceleration of density q: q T^3/3, q T^2/2, q T
+    _, P = kalman.predict_cv(np.zeros(4), np.zeros((4, 4)), 2.0, 3.0)
     if not np.array_equal(P[:2, :2], [[8.0, 6.0], [6.0, 6.0]]) or P[:2, 2:].any():
-        raise Fault(
+        raise Problem(
             f"a compiled kernel gives {P[:2, :2].tolist()} instead of [[8, 6], [6, 6]]; "
             f"remove {paths.PACKAGE}/__pycache__"
         )
     one, two = (trials.run(_draw, 64, seed=20, workers=workers) for workers in (1, 2))
     if one.tobytes() != two.tobytes():
-        raise Fault(f"one process and two give different numbers; {INSTALL}")
-    return "stream, compiled kernel, and one process against two: as they must be"
+        raise Problem(f"one process and two give different numbers; {_install()}")
+    return "the random stream, a compiled kernel, and one process against two give known results"
 
 
 def _stream(seed, i):
-    from tbdcore.repro import trials
-
     return trials.generator(seed, "doctor", "self-test", i, "noise")
 
 
 def _draw(seed, i):
-    """A trial: a drawn state, and its covariance, two seconds later."""
+    """Covariance of a random state, two seconds later."""
     from tbdcore import kalman
 
     rng = _stream(seed, i)
     return kalman.predict_cv(rng.standard_normal(4), rng.standard_normal((4, 4)), 2.0, 3.0)[1]
 
 
-CHECKS = (versions, kernel, cores, folders, cache, answers)
+CHECKS = {
+    "packages": packages,
+    "Jupyter kernel": jupyter_kernel,
+    "cores": cores,
+    "folders": folders,
+    "compiled code": compiled_code,
+    "self-test": self_test,
+}

@@ -1,4 +1,4 @@
-"""The doctor: a healthy machine passes, and each planted fault is one line that says what to do."""
+"""The doctor: a healthy machine passes, and each problem is one line that says what to do."""
 
 import sys
 
@@ -15,7 +15,8 @@ def test_a_healthy_machine_passes(capsys):
 
 def test_a_lock_is_read_with_its_markers():
     text = "numpy==2.0 \\\n    --hash=sha256:0\n"
-    text += "old==1.0 ; python_version < '3' \\\n    --hash=sha256:1\nnew==1.1 ; python_version >= '3'\n"
+    text += "old==1.0 ; python_version < '3' \\\n    --hash=sha256:1\n"
+    text += "new==1.1 ; python_version >= '3'\n"
     assert doctor.locked(text) == {"numpy": "2.0", "new": "1.1"}
 
 
@@ -81,25 +82,27 @@ def wrong_workers(monkeypatch, tmp_path):
 @pytest.mark.parametrize(
     ("plant", "check", "said"),
     [
-        (lock, "versions", "numpy is"),
-        (lock, "versions", "no-such-thing is missing"),
-        (lock, "versions", "and 2 more; run: python -m pip install"),
+        (lock, "packages", "numpy is"),
+        (lock, "packages", "no-such-thing is missing"),
+        (lock, "packages", "and 2 more; run: python -m pip install"),
         (
             foreign_kernel,
-            "kernel",
+            "Jupyter kernel",
             f"not this Python; make it: {sys.executable} -m ipykernel install",
         ),
-        (no_kernel, "kernel", "no Jupyter kernel python3; make it"),
+        (no_kernel, "Jupyter kernel", "no Jupyter kernel python3; make it"),
         (closed_folder, "folders", "cannot be written; change its permissions"),
-        (closed_cache, "cache", "NUMBA_CACHE_DIR"),
-        (another_stream, "answers", "a random stream begins with"),
-        (wrong_kernel_result, "answers", "a compiled kernel gives"),
-        (wrong_workers, "answers", "one process and two give different numbers"),
+        (closed_cache, "compiled code", "NUMBA_CACHE_DIR"),
+        (another_stream, "self-test", "a random stream begins with"),
+        (wrong_kernel_result, "self-test", "a compiled kernel gives"),
+        (wrong_workers, "self-test", "one process and two give different numbers"),
     ],
 )
-def test_each_fault_is_one_line_with_what_to_do(monkeypatch, tmp_path, capsys, plant, check, said):
+def test_each_problem_is_one_line_with_what_to_do(
+    monkeypatch, tmp_path, capsys, plant, check, said
+):
     plant(monkeypatch, tmp_path)
-    monkeypatch.setattr(doctor, "CHECKS", (getattr(doctor, check),))
+    monkeypatch.setattr(doctor, "CHECKS", {check: doctor.CHECKS[check]})
     assert cli.main(["doctor"]) == 3
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
