@@ -16,10 +16,10 @@ from tbdcore.repro import paths
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = paths.PACKAGE  # the one that is imported, which may be a copy itself
-CLAIMS = """id,item,quantity,conditions,value,unit,kind,where,cause
-mean,Table 1,mean of the draws,,0.0,,number,Sec. 1,
-order,text,shifted draws are larger,,larger,,ordering,Sec. 1,
-price,text,price,,cheap,,statement,Sec. 1,
+CLAIMS = """id,item,quantity,conditions,value,unit,kind,where,rule,evidence,cause
+mean,Table 1,mean of the draws,,0.0,,number,Sec. 1,Mean of all draws; runs = 100,measured,
+order,text,shifted draws are larger,,larger,,ordering,Sec. 1,Shift of the draws,measured,
+price,text,price,,cheap,,statement,Sec. 1,,,
 """
 PAPERS = """[tiny]
 title = "On the mean of some draws"
@@ -28,7 +28,11 @@ short = "the tiny paper"
 topic = "Means"
 """
 CELLS = {
-    "algorithm": "import time\nfrom functools import partial\n\nimport tbdcore\nfrom tbdcore.repro import trials",
+    "algorithm": """import time
+from functools import partial
+
+import tbdcore
+from tbdcore.repro import trials""",
     "parameters": """seed: int = 20  # root of every random stream; in [0, inf)
 n_trials: int = 400  # draws; in [1, inf); quick 40
 workers: int = 1  # processes; in [0, inf)
@@ -42,8 +46,9 @@ shift: float = 1.0  # shift of the draws; in [-5, 5]""",
     return trials.generator(seed, "tiny", "draw", i, "noise").standard_normal()
 
 
-x = trials.run(partial(draw, pause=pause), n_trials, seed=seed, workers=workers, scheduler=scheduler)""",
-    "claims": """ledger.check("mean", x.mean(), se=x.std() / n_trials**0.5, n=n_trials, paper_n=100)
+where = {"workers": workers, "scheduler": scheduler}
+x = trials.run(partial(draw, pause=pause), n_trials, seed=seed, **where)""",
+    "claims": """ledger.check("mean", x.mean(), se=x.std() / n_trials**0.5, n=n_trials)
 ledger.check("order", shift, se=x.std() / n_trials**0.5, n=n_trials)
 ledger.untestable("price", "An opinion.")""",
     "figure": """fig, ax = portfolio.new(width=2, height=1.5)
@@ -51,7 +56,8 @@ portfolio.band(ax, range(9), x[:9], name="proposed")
 portfolio.save(fig, "fig1", caption="Nine draws, 100 % of them.", claims=["mean"])""",
     "table": """import pandas as pd
 
-portfolio.table(pd.DataFrame({"draw": x[:3]}), "table1", caption="Three draws.", claims=["order"])""",
+frame = pd.DataFrame({"draw": x[:3]})
+portfolio.table(frame, "table1", caption="Three draws.", claims=["order"])""",
     "publish": "ledger.table()\nportfolio.publish(ledger)",
 }
 

@@ -1,51 +1,58 @@
 """Published numbers, our numbers, and what may be said of the two.
 
 ``data/claims/<paper>.csv`` lists everything a paper publishes, one row each.  All values are read
-as text, since "287.10" says that its last digit is a hundredth and the number 287.1 does not.  A
-notebook opens a ledger for its paper and enters a verdict for each row:
+as text: "287.10" says that its last digit is a hundredth, the number 287.1 does not.  A notebook
+opens a ledger for its paper and enters one verdict for each row:
 
-================  ==================================================================================================
-``reproduced``    our 99 % interval lies inside the band around the printed value
-``differs``       our interval lies outside the band; the file must give a cause, and the notebook the experiment behind it
-``inconclusive``  the interval straddles an edge of the band and our error is more than a fifth of
-                  the band; the message says how many trials would settle it (with a smaller error
-                  the point estimate decides)
-``untestable``    needs what nobody here has, or is an opinion; with the reason
+================  ===========================================================================
+``reproduced``    the print lies within the chance of both runs, and we know the value at
+                  least as well as the paper did
+``differs``       neither the print's rounding nor chance explains the difference; the file
+                  must give a cause
+``inconclusive``  neither can be said
+``untestable``    needs what nobody here has, is an opinion, or judges an implementation's
+                  choice instead of the method; with the reason
 ``used``          an input: the parameter the code runs with equals the printed one
-================  ==================================================================================================
+================  ===========================================================================
 
-The band of a number is half its last printed digit, plus 2.6 standard errors of the *paper's own*
-Monte Carlo: an average of 100 runs cannot be right to more digits than 100 runs allow.  That error
-is ours, scaled from our number of trials to the paper's, ``se * sqrt(n / paper_n)``.  A claim that
-is no number (an ordering, a trend, a bound, a statement) is settled by a *margin* which is positive
-where the claim holds, with its standard error, or, where no chance is involved, by a plain truth
-value and the evidence in words.
+``judge`` and ``judge_margins`` hold the statistic.  Beside each verdict stands its *evidence*:
+``measured`` (the experiment could have come out the other way), ``calibrated`` (an unprinted
+choice was made with this number, or another of its column, in view), ``constructed`` (follows
+from definitions, arithmetic or the page's own assumptions), ``repeats <id>`` (the same
+measurement as another row).  Only measured rows make the headline.
 
-Bands follow from the printed text and from ``paper_n`` alone, and so are fixed before anything is
-measured.  The ledger is complete or it fails: ``Ledger.table`` raises when a row has no verdict or
-two, when something differs without a cause, and when a cause is given for something that does not
-differ.  ``scorecard`` counts the verdicts of all papers.  A ledger may ``settle``: take over the
-verdicts of one longer run, kept in ``data/longer``, with which its own trials must agree.
+The *rule* of a row says in a sentence what is measured and on which trials, and gives the numbers
+of the judgement as ``; name = number``.  Four of them are used here: ``runs``, the paper's number
+of runs; ``null``, the value of "no effect"; ``step``, the smallest difference the print could
+show where its digits do not say; ``half``, the half digit of a printed bound that has no number in
+its value.  The others are a page's: ``Ledger.number(id, "tolerance")``.  Rules were declared
+before measuring; ``data/claims/CHANGES.md`` lists those that changed afterwards (``history``
+replays it).  The measured quantity and the margin of the others are unchanged since they were first
+measured; their statistic is that of the second edition.
 
-This module judges numbers and knows nothing of how they came about: it imports none of the
-numerical ones.
+The ledger is complete or it fails: every row once; in a default run a cause for each ``differs``
+and for nothing else.  This module knows nothing of how the numbers came about.
 """
 
 import csv
 import dataclasses
+import hashlib
 import io
 import math
 import re
 from typing import NamedTuple
 
-import pandas as pd
+import numpy as np
 
 from tbdcore.repro import paths
-from tbdcore.score import Z99  # half width of our interval, in standard errors
 
-COLUMNS = ("id", "item", "quantity", "conditions", "value", "unit", "kind", "where", "cause")
+COLUMNS = (
+    *("id", "item", "quantity", "conditions", "value", "unit", "kind", "where"),
+    *("rule", "evidence", "cause"),
+)
 KINDS = ("input", "number", "ordering", "trend", "bound", "statement")
 VERDICTS = ("reproduced", "differs", "inconclusive", "untestable", "used")
+EVIDENCE = ("measured", "calibrated", "constructed", "repeats")
 UNITS = {  # printed unit: (dimension, size in the unit the code would use)
     **dict.fromkeys(
         ("", "-", "cells", "cell", "frame", "frames", "particles", "runs", "trials", "power"),
@@ -75,8 +82,7 @@ UNITS = {  # printed unit: (dimension, size in the unit the code would use)
     "deg": ("angle", math.pi / 180),
     "rad/s": ("turn rate", 1.0),
 }
-Z_PAPER = 2.6  # room for the paper's own Monte Carlo error, in standard errors
-FINE = 0.2  # an error below this share of the band lets the point estimate decide
+LEVEL = 2.6  # standard errors of a normal law beyond which a difference is no chance
 
 
 class Claim(NamedTuple):
@@ -90,13 +96,17 @@ class Claim(NamedTuple):
     unit: str
     kind: str
     where: str
+    rule: str
+    evidence: str
     cause: str
 
 
 class Verdict(NamedTuple):
-    """One row of verdicts.csv; `measured`, `se` and `n` are text, `note` is what its line adds.
+    """One row of verdicts.csv, all text.
 
-    `cause` says why it differs, why it is untestable, or how many trials would settle it.
+    `z` is the distance from the print, or the least margin, in standard errors.  `luck` is the
+    probability that the paper's own number of runs prints this ordering, given our margin; it is
+    shown where an ordering differs or is open.  `cause` says why it differs or is untestable.
     """
 
     id: str
@@ -106,45 +116,62 @@ class Verdict(NamedTuple):
     measured: str
     se: str
     n: str
+    z: str
+    luck: str
     verdict: str
+    evidence: str
     cause: str
-    note: str = ""
 
     def __repr__(self):
         spread = f" ± {self.se}" if self.se else ""
         count = f" (n = {self.n})" if self.n else ""
-        return f"{self.id}: published {self.published}, measured {self.measured}{spread}{count}: {self.verdict}{self.note}"
+        measured = f"published {self.published}, measured {self.measured}{spread}{count}"
+        return f"{self.id}: {measured}: {self.verdict}"
+
+
+# The files -----------------------------------------------------------------------------------
+
+
+def papers(folder=None):
+    """Names of the papers that have a claims file."""
+    names = {path.stem for path in (folder or paths.CLAIMS).glob("*.csv")}
+    return sorted(names - {"declared"})
 
 
 def read(paper, folder=None):
     """Claims of a paper by id.
 
     Raises ValueError, naming file, row and column, for a file that a spreadsheet has touched
-    (byte-order mark, CRLF, semicolons, a lost column), a duplicate id, an unknown kind or unit, or
-    a number that is none; FileNotFoundError when the paper has no file.
+    (byte-order mark, CRLF, semicolons, a lost column), a duplicate id, an unknown kind, unit or
+    word of evidence, a number that is none, and a row that is judged without rule or evidence;
+    FileNotFoundError when the paper has no file.
     """
     path = (folder or paths.CLAIMS) / f"{paper}.csv"
     if not path.is_file():
         raise FileNotFoundError(
             f"{path.name}: no claims file of this name under data/claims; papers: "
-            f"{', '.join(papers())}"
+            f"{', '.join(papers(folder))}"
         )
-    rows = _rows(path)
     claims = {}
-    for number, row in enumerate(rows[1:], start=2):
+    for number, row in enumerate(_rows(path)[1:], start=2):
         claim = _claim(path.name, number, row)
         if claim.id in claims:
-            raise ValueError(
-                f"{path.name}, row {number}, column id: {claim.id!r} stands there twice; "
-                f"every claim has one row"
-            )
+            raise ValueError(_where(path.name, number, "id", f"{claim.id!r} stands there twice"))
         claims[claim.id] = claim
+    for number, claim in enumerate(claims.values(), start=2):
+        word, _, original = claim.evidence.partition(" ")
+        if word == "repeats" and (
+            original not in claims or claims[original].evidence.startswith("repeats")
+        ):
+            wrong = "repeats another row itself" if original in claims else "is no row"
+            raise ValueError(
+                _where(path.name, number, "evidence", f"{original!r} {wrong}; name the original")
+            )
     return claims
 
 
-def papers(folder=None):
-    """Names of the papers that have a claims file."""
-    return sorted(path.stem for path in (folder or paths.CLAIMS).glob("*.csv"))
+def _where(name, number, column, wrong):
+    return f"{name}, row {number}, column {column}: {wrong}"
 
 
 def _rows(path):
@@ -153,7 +180,7 @@ def _rows(path):
     repair = "save it as plain CSV: UTF-8 without byte-order mark, LF line ends, commas"
     if raw.startswith(b"\xef\xbb\xbf"):
         raise ValueError(
-            f"{path.name}, row 1, column id: the file begins with a byte-order mark; {repair}"
+            _where(path.name, 1, "id", f"the file begins with a byte-order mark; {repair}")
         )
     if b"\r" in raw:
         line = raw[: raw.index(b"\r")].count(b"\n") + 1
@@ -171,13 +198,13 @@ def _rows(path):
     except csv.Error as error:
         raise ValueError(
             f"{path.name}, row {reader.line_num}: {error}; "
-            f"look for a quotation mark without its partner"
+            "look for a quotation mark without its partner"
         ) from None
     header = tuple(rows[0]) if rows else ()
     for column in COLUMNS:
         if column not in header:
             raise ValueError(
-                f"{path.name}, row 1, column {column}: missing; the header is {','.join(COLUMNS)}"
+                _where(path.name, 1, column, f"missing; the header is {','.join(COLUMNS)}")
             )
     if header != COLUMNS:
         raise ValueError(
@@ -187,34 +214,58 @@ def _rows(path):
     return rows
 
 
+_DIFFERENCE = re.compile(r"\b(gain|loss|saving|advantage|reduction|ratio|difference)\b")
+
+
 def _claim(name, number, row):
     """One validated row."""
     if len(row) != len(COLUMNS):
-        column = COLUMNS[min(len(row), len(COLUMNS) - 1)]
-        raise ValueError(
-            f"{name}, row {number}, column {column}: {len(row)} fields instead of {len(COLUMNS)}; "
-            f"quote fields with commas"
-        )
+        wrong = f"{len(row)} fields instead of {len(COLUMNS)}; quote fields with commas"
+        raise ValueError(_where(name, number, COLUMNS[min(len(row), len(COLUMNS) - 1)], wrong))
     claim = Claim(*row)
     for column, allowed in (("kind", KINDS), ("unit", UNITS)):
         if getattr(claim, column) not in allowed:
             known = ", ".join(word for word in allowed if word)
-            raise ValueError(
-                f"{name}, row {number}, column {column}: {getattr(claim, column)!r} is unknown; "
-                f"known are {known}"
-            )
+            wrong = f"{getattr(claim, column)!r} is unknown; known are {known}"
+            raise ValueError(_where(name, number, column, wrong))
     for column in ("id", "quantity", "value"):
         if not getattr(claim, column).strip():
-            raise ValueError(f"{name}, row {number}, column {column}: empty")
+            raise ValueError(_where(name, number, column, "empty"))
+    column, wrong = _complaint(claim)
+    if wrong:
+        raise ValueError(_where(name, number, column, wrong))
+    return claim
+
+
+def _complaint(claim):
+    """Column and what is wrong in it with value, rule or evidence of a row; empty if nothing is."""
+    if re.fullmatch(r"[+-]?\d+,\d+", claim.value):
+        return "value", f"{claim.value!r} has a decimal comma; write a point"
     if claim.kind == "number" and claim.value != "N/A":
         try:
             parse(claim.value)
         except ValueError:
-            raise ValueError(
-                f"{name}, row {number}, column value: {claim.value!r} is no number; "
-                f"kind number needs one"
-            ) from None
-    return claim
+            return "value", f"{claim.value!r} is no number; kind number needs one"
+    if claim.evidence and claim.evidence.split(" ")[0] not in EVIDENCE:
+        return "evidence", f"{claim.evidence!r} is unknown; known are {', '.join(EVIDENCE)} <id>"
+    if bool(claim.rule) != bool(claim.evidence):
+        return "rule" if claim.evidence else "evidence", "empty; a row that is judged has both"
+    if claim.kind == "input" and claim.rule:
+        return "rule", "an input has none; it is compared with what the code uses"
+    difference = claim.kind == "number" and _DIFFERENCE.search(claim.quantity.lower())
+    if claim.rule and difference and "null" not in numbers(claim.rule):
+        return "rule", "a gain, loss, ratio or difference names its null value: ; null = 0"
+    if claim.rule.count(" = ") != len(numbers(claim.rule)):
+        return "rule", "an item is no number; write ; name = number"
+    return "", ""
+
+
+_ITEM = re.compile(r"; ?([a-z][a-z ]*) = ([+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?)(?![\w.])")
+
+
+def numbers(rule):
+    """The numbers of a rule by name: ``numbers("...; null = 0 dB; runs = 100")``."""
+    return {name: float(value) for name, value in _ITEM.findall(rule)}
 
 
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?")
@@ -239,53 +290,83 @@ def parse(text):
     return float(plain), 0.5 * 10.0 ** (int(exponent or 0) - decimals)
 
 
-def judge(published, half_digit, measured, se, n=None, paper_n=None):
-    """Verdict on a number, and the trials that would settle it when it is inconclusive.
+# The statistic -------------------------------------------------------------------------------
 
-    Parameters
-    ----------
-    published, half_digit : float
-        As :func:`parse` gives them.
-    measured, se : float
-        Our value and its standard error (0 for a value that no chance enters).
-    n, paper_n : int or None
-        Our trials and the paper's; without the latter the band is the half digit alone.
 
-    Returns
-    -------
-    verdict : str
-    trials : int or None
+def quantile(n=None, points=1):
+    """Standard errors beyond which a difference is no chance: 2.6, two-sided level 0.93 %.
+
+    Below 60 trials Student's quantile of the same level; for one of several points Bonferroni's.
     """
-    paper_se = se * math.sqrt(n / paper_n) if n and paper_n else 0.0
-    band = half_digit * (1 + 1e-9) + Z_PAPER * paper_se
-    off, half = abs(measured - published), Z99 * se
-    if not math.isfinite(off + half):
-        return ("inconclusive" if math.isnan(off + half) else "differs"), None
-    if off + half <= band:
-        return "reproduced", None
-    if off - half > band:
-        return "differs", None
-    if half <= FINE * band:
-        return ("reproduced" if off <= band else "differs"), None
-    return "inconclusive", _trials_needed(half / max(abs(off - band), FINE * band), n)
+    from scipy.special import ndtr, ndtri, stdtrit
+
+    tail = float(ndtr(-LEVEL)) / points
+    return float(-stdtrit(n - 1, tail) if n and 1 < n < 60 else -ndtri(tail))
 
 
-def judge_margin(margin, se, n=None):
-    """Verdict on a claim that holds where its margin is positive, and the trials that would settle
-    it.
+def judge(published, half, measured, se, n=None, runs=None, null=None):
+    """Verdict on a number and its z = max(0, |m - p| - h) / sqrt(s_p^2 + s^2).
+
+    p +- h is the print, m our value with standard error s from n trials; s_p = s sqrt(n / runs)
+    is the paper's own error, 0 where its runs are unknown.  A test at 2.6 standard errors: a
+    number that is right is called `differs` in 0.93 % of cases at most.  `reproduced` also needs
+    s <= max(s_p, h / 2), and then has power: a true difference of h + 5.5 s_p (3 h where s_p is 0)
+    is found in nine of ten cases; and, for a gain or the like, a print that excludes the null.
+
+    Returns the verdict and z (without chance 0 or infinity).
     """
-    if math.isnan(margin + se):
-        return "inconclusive", None
-    if margin > Z99 * se:
-        return "reproduced", None
-    if margin < -Z99 * se or se == 0:
-        return "differs", None
-    return "inconclusive", _trials_needed(Z99 * se / abs(margin) if margin else math.inf, n)
+    s_p = se * math.sqrt(n / runs) if n and runs else 0.0
+    z = _distance(published, half, measured, math.hypot(s_p, se))
+    if math.isnan(z):
+        return "inconclusive", z
+    if z > quantile(n):
+        return "differs", z
+    vacuous = null is not None and (
+        _distance(published, half, null, math.hypot(s_p, se)) <= quantile(n)
+    )
+    known = se <= max(s_p, half / 2)
+    return ("reproduced" if known and not vacuous else "inconclusive"), z
 
 
-def _trials_needed(shrink, n):
-    """Trials after which our interval is `shrink` times narrower."""
-    return math.ceil(n * shrink**2) if n and math.isfinite(shrink) else None
+def _distance(published, half, value, spread):
+    off = abs(value - published) - half
+    if math.isnan(off):
+        return off
+    if spread == 0:
+        return 0.0 if off <= half * 1e-9 else math.inf
+    return max(0.0, off) / spread
+
+
+def judge_margins(margins, errors, n=None, reached=False):
+    """Verdict on a claim that holds where all of its margins are positive, and the least of them.
+
+    One margin m with error s: `reproduced` when m > 2.6 s, `differs` when m < -2.6 s.  Of k
+    margins each must be; one that is below -q s, q Bonferroni's quantile, makes the claim differ.
+    Without chance (s = 0) a margin must be positive, or, if `reached` is enough, not negative.
+
+    Returns the verdict and the index of the margin that decides.
+    """
+    m, s = np.atleast_1d(margins).astype(float), np.atleast_1d(errors).astype(float)
+    m, s = np.broadcast_arrays(m, s)
+    if np.isnan(m + s).any():
+        return "inconclusive", int(np.isnan(m + s).argmax())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(s > 0, m / s, np.where((m > 0) | (reached & (m == 0)), np.inf, -np.inf))
+    least = int(np.lexsort((m, ratio))[0])
+    if ratio[least] < -quantile(n, m.size):
+        return "differs", least
+    return ("reproduced" if ratio[least] > quantile(n) else "inconclusive"), least
+
+
+def luck(margin, se, n=None, runs=None):
+    """Probability that the paper's own runs print an ordering whose margin we find: Phi(m / s)."""
+    from scipy.special import ndtr
+
+    spread = math.hypot(se, se * math.sqrt(n / runs)) if n and runs else 0.0
+    return float(ndtr(margin / spread)) if spread else math.nan
+
+
+# The ledger -----------------------------------------------------------------------------------
 
 
 def digits(value, se=0.0):
@@ -316,8 +397,9 @@ class Ledger:
     ----------
     paper : str
     strict : bool
-        True in a run with default parameters: then causes must match verdicts.  With other
-        parameters or few trials the verdicts may rightly differ, and only completeness is required.
+        True in a run with default parameters: then causes must match verdicts, and a row that
+        repeats another has its verdict.  With other parameters or few trials the verdicts may
+        rightly differ, and only completeness is required.
     """
 
     def __init__(self, paper, strict=True, folder=None):
@@ -325,52 +407,58 @@ class Ledger:
         self.claims = read(paper, folder)
         self.verdicts = {}
 
-    def check(self, id, measured, *, se=0.0, n=None, paper_n=None, step=None, evidence=""):
-        """Judge a claim; see the module docstring.
+    def number(self, id, name):
+        """A number of a row's rule; ValueError, with the nearest name, when it has none."""
+        known = numbers(self._claim(id).rule)
+        if name not in known:
+            raise ValueError(
+                f"{self.paper}: the rule of {id} has no {name!r}; "
+                f"the nearest is {nearest(name, known)!r}"
+            )
+        return known[name]
 
-        `measured` is our number (in the printed unit) for a row of kind number; a margin, positive
-        where the claim holds, for the other kinds, or a plain bool where no chance is involved, for
-        which `evidence` is mandatory. `evidence` is what the table shows.  `step` is the smallest
-        difference the print could show where its digits do not say: a share of 100 runs that is
-        printed as 0 has a step of 0.01; by default it is one of the last printed digit.
+    def check(self, id, measured, *, se=0.0, n=None, shown="", reached=False):
+        """Judge a claim by its rule; see :func:`judge` and :func:`judge_margins`.
+
+        `measured` is our number, in the printed unit, for a row of kind number; for the other
+        kinds a margin, positive where the claim holds, or an array of them, or a plain bool where
+        no chance is involved.  `se` is the standard error from `n` trials.  `shown` is what the
+        table shows, mandatory for a bool.  `reached`: a margin of 0 is enough ("at least").
         """
         claim = self._open(id)
         if claim.kind == "input":
             raise ValueError(
-                f"{self.paper}: {id} is an input; enter it with used(id, value) or untestable(id, "
-                f"reason)"
+                f"{self.paper}: {id} is an input; "
+                "enter it with used(id, value) or untestable(id, reason)"
             )
-        if isinstance(measured, bool) or type(measured).__name__ == "bool":
-            return self._check_truth(claim, bool(measured), n, evidence)
-        measured, se = float(measured), float(se)
+        if not claim.rule:
+            raise ValueError(f"{self.paper}: {id} has no rule in data/claims/{self.paper}.csv")
+        rule = numbers(claim.rule)
+        if isinstance(measured, bool | np.bool_):
+            return self._check_truth(claim, bool(measured), n, shown)
         if claim.kind == "number":
-            shown = digits(measured, se)
-            published, half_digit = parse(claim.value)
-            verdict, needed = judge(
-                published, half_digit if step is None else 0.5 * step, measured, se, n, paper_n
-            )
-        else:
-            shown = evidence or f"margin {digits(measured, se)}"
-            verdict, needed = judge_margin(measured, se, n)
-        if verdict != "inconclusive":
-            return self._enter(
-                claim, shown, _se(se), n, verdict, claim.cause if verdict == "differs" else ""
-            )
-        settled = (
-            f"{needed} trials would settle it" if needed else "no number of trials can be told"
-        )  # margin 0, or no error
-        return self._enter(claim, shown, _se(se), n, verdict, settled, f"; {settled}")
+            value, se = float(measured), float(se)
+            published, half = parse(claim.value)
+            half = 0.5 * rule["step"] if "step" in rule else half
+            verdict, z = judge(published, half, value, se, n, rule.get("runs"), rule.get("null"))
+            return self._enter(claim, shown or digits(value, se), se, n, verdict, z)
+        margins = np.atleast_1d(measured).astype(float) + _bound_half(claim, rule)
+        verdict, i = judge_margins(margins, se, n, reached)
+        margin, se = margins[i], float(np.broadcast_to(se, margins.shape)[i])
+        text = f"{'least ' if margins.size > 1 else ''}margin {digits(margin, se)}"
+        chance = "" if verdict == "reproduced" else luck(margin, se, n, rule.get("runs"))
+        z = margin / se if se else math.copysign(math.inf, margin) if margin else 0.0
+        return self._enter(claim, shown or text, se, n, verdict, z, chance)
 
-    def _check_truth(self, claim, holds, n, evidence):
+    def _check_truth(self, claim, holds, n, shown):
         """A claim settled without chance."""
         if claim.kind == "number":
+            raise ValueError(f"{self.paper}: {claim.id} is a number; give the measured value")
+        if not shown:
             raise ValueError(
-                f"{self.paper}: {claim.id} is a number; give the measured value, not a truth value"
+                f"{self.paper}: {claim.id}: a truth value needs shown=, its evidence in words"
             )
-        if not evidence:
-            raise ValueError(f"{self.paper}: {claim.id}: a truth value needs its evidence in words")
-        verdict = "reproduced" if holds else "differs"
-        return self._enter(claim, evidence, "", n, verdict, "" if holds else claim.cause)
+        return self._enter(claim, shown, 0.0, n, "reproduced" if holds else "differs")
 
     def used(self, id, value, unit=None):
         """Compare the parameter the code runs with to the printed input.
@@ -389,175 +477,110 @@ class Ledger:
                 f"the paper prints {claim.value!r} {claim.unit}"
             )
         shown = _plain(value) + (f" {unit}" if unit else "")
-        return self._enter(
-            claim,
-            shown,
-            "",
-            None,
-            "used" if same else "differs",
-            "" if same else "parameter changed in this run",
-        )
+        return self._enter(claim, shown, verdict="used" if same else "differs")
 
     def inputs(self, scenario):
-        """Enter every field of a frozen dataclass made with :func:`given`; returns the symbol
-        table.
-        """
+        """Enter every field of a frozen dataclass made with :func:`given`; the symbol table."""
+        import pandas as pd
+
         table = []
         for field in dataclasses.fields(scenario):
             value, about = getattr(scenario, field.name), field.metadata
-            if about["row"] != "open":
-                self.used(about["row"], value, about["unit"])
-            where = self.claims[about["row"]].where if about["row"] != "open" else "open"
+            row, where = about["row"], "open"
+            if row != "open":
+                self.used(row, value, about["unit"])
+                where = self.claims[row].where
             table.append((f"${about['symbol']}$", field.name, _plain(value), about["unit"], where))
-        return pd.DataFrame(
-            table, columns=["symbol", "code", "value", "unit", "where in the paper"]
-        )
+        return pd.DataFrame(table, columns=["symbol", "code", "value", "unit", "where"])
 
     def untestable(self, id, reason):
         """Enter a claim that cannot be tested here, with the reason."""
+        claim = self._open(id)
         if not reason:
             raise ValueError(f"{self.paper}: {id}: untestable needs its reason")
-        return self._enter(self._open(id), "", "", None, "untestable", reason)
-
-    def settle(self):
-        """Take over the verdicts of a longer run where they rest on more trials; returns those that
-        change, here and there.
-
-        ``data/longer/<paper>/verdicts.csv`` is of a run that went on where this one stops, for
-        longer than a notebook has time; data/README.md says which.  This run's trials are the
-        beginning of the longer one's, so the difference of two numbers has the variance se**2 -
-        se'**2.  Only a default run takes anything over.
-
-        Raises ValueError when a number or a margin is more than 4 such errors from the longer
-        run's, or when it differs from it and the longer run's error is not the smaller one: the two
-        do not belong together.
-        """
-        changed = []
-        for row in (
-            verdicts(self.paper, paths.LONGER).itertuples(index=False) if self.strict else ()
-        ):
-            here = self.verdicts[row.id]
-            if not row.n or int(row.n) <= int(here.n):
-                continue
-            if (
-                self.claims[row.id].kind == "number" or here.measured.startswith("margin ")
-            ) and _errors_apart(here, row) > 4:
-                raise ValueError(
-                    f"{self.paper}: {row.id} is {here.measured} here and {row.measured} in "
-                    f"data/longer; "
-                    "make the longer run again, as data/README.md says"
-                )
-            cause = self.claims[row.id].cause if row.verdict == "differs" else row.cause
-            note = f"; {cause}" if row.verdict == "inconclusive" else ""
-            self.verdicts[row.id] = Verdict(*row)._replace(cause=cause, note=note)
-            if here.verdict != row.verdict:
-                changed.append(
-                    (
-                        row.id,
-                        *(f"{v.measured} ± {v.se}" for v in (here, row)),
-                        here.verdict,
-                        row.verdict,
-                    )
-                )
-        return pd.DataFrame(
-            changed, columns=["claim", "here", "longer run", "verdict here", "verdict"]
-        )
+        if claim.rule and self.strict:
+            raise ValueError(f"{self.paper}: {id} is untestable, so its rule has to go")
+        return self._enter(claim, verdict="untestable", cause=reason)
 
     def table(self):
-        """All verdicts in the order of the claims file.
+        """All verdicts in the order of the claims file, as a frame.
 
         Raises ValueError when a claim has none and, in a default run, when something differs
-        without a cause or has a cause without differing.
+        without a cause, has a cause without differing, or repeats another row with another verdict.
         """
+        import pandas as pd
+
         missing = [id for id in self.claims if id not in self.verdicts]
         if missing:
             raise ValueError(
                 f"{self.paper}: no verdict on {len(missing)} of {len(self.claims)} claims: "
                 f"{', '.join(missing)}"
             )
-        wrong = [
-            complaint
-            for id in self.verdicts
-            if self.strict and (complaint := self._about_cause(id))
-        ]
+        wrong = [text for id in self.verdicts if self.strict and (text := self._wrong(id))]
         if wrong:
             raise ValueError(
-                f"{self.paper}: {'; '.join(wrong)}; set the column cause of "
-                f"data/claims/{self.paper}.csv right"
+                f"{self.paper}: {'; '.join(wrong)}; set data/claims/{self.paper}.csv right"
             )
-        rows = [self.verdicts[id][:9] for id in self.claims]
-        return pd.DataFrame(rows, columns=Verdict._fields[:9])
+        return pd.DataFrame([self.verdicts[id] for id in self.claims], columns=Verdict._fields)
 
-    def _about_cause(self, id):
-        """What is wrong with the cause of a claim, in words; empty when nothing is."""
-        verdict, cause = self.verdicts[id], self.claims[id].cause
-        if verdict.verdict == "differs" and not cause:
+    def _wrong(self, id):
+        """What is wrong with cause or evidence of a verdict, in words; empty when nothing is."""
+        verdict, claim = self.verdicts[id], self.claims[id]
+        if verdict.verdict == "differs" and not claim.cause:
             return f"{id} differs and the file gives no cause ({verdict!r})"
-        return (
-            f"{id} is {verdict.verdict} but the file gives a cause for a difference"
-            if verdict.verdict != "differs" and cause
-            else ""
-        )
+        if verdict.verdict != "differs" and claim.cause:
+            return f"{id} is {verdict.verdict} but the file gives a cause for a difference"
+        word, _, original = claim.evidence.partition(" ")
+        if word == "repeats" and self.verdicts[original].verdict != verdict.verdict:
+            other = self.verdicts[original].verdict
+            return f"{id} is {verdict.verdict} but repeats {original}, which is {other}"
+        return ""
 
     def summary(self):
         """One line: how many of each verdict."""
-        counts = pd.Series([verdict.verdict for verdict in self.verdicts.values()]).value_counts()
-        return ", ".join(
-            f"{counts[verdict]} {verdict}" for verdict in VERDICTS if verdict in counts
-        )
+        found = [verdict.verdict for verdict in self.verdicts.values()]
+        return ", ".join(f"{found.count(v)} {v}" for v in VERDICTS if v in found)
 
-    def _open(self, id):
-        """The claim of an id that has no verdict yet."""
+    def _claim(self, id):
         if id not in self.claims:
             raise ValueError(
                 f"{self.paper}: no claim {id!r}; the nearest is {nearest(id, self.claims)!r}"
             )
-        if id in self.verdicts:
-            raise ValueError(f"{self.paper}: {id} is checked twice")
         return self.claims[id]
 
-    def _enter(self, claim, measured, se, n, verdict, cause="", note=""):
+    def _open(self, id):
+        """The claim of an id that has no verdict yet."""
+        claim = self._claim(id)
+        if id in self.verdicts:
+            raise ValueError(f"{self.paper}: {id} is checked twice")
+        return claim
+
+    def _enter(self, claim, shown="", se=0.0, n=None, verdict="", z=None, chance="", cause=""):
         """Enter a verdict and return it."""
-        speaks = claim.unit not in ("", "-", "not printed") and re.search(
-            r"[\d\]}]$", claim.value
-        )  # behind numbers only
-        published = f"{claim.value} {claim.unit}" if speaks else claim.value
-        count = "" if n is None else str(int(n))
-        self.verdicts[claim.id] = Verdict(
-            claim.id,
-            claim.item,
-            claim.quantity,
-            published,
-            measured,
-            se,
-            count,
-            verdict,
-            cause,
-            note,
-        )
+        if verdict == "differs":
+            cause = claim.cause if claim.kind != "input" else "parameter changed in this run"
+        texts = published(claim), shown, f"{se:.2g}" if se else "", "" if n is None else str(int(n))
+        ratio = "" if z is None or not math.isfinite(z) or not se else f"{z:.1f}"
+        odds = f"{chance:.2g}" if chance != "" and not math.isnan(chance) else ""
+        known = claim.evidence if verdict in VERDICTS[:3] else ""
+        head = claim.id, claim.item, claim.quantity
+        self.verdicts[claim.id] = Verdict(*head, *texts, ratio, odds, verdict, known, cause)
         return self.verdicts[claim.id]
 
 
-def _errors_apart(here, longer):
-    """Difference of two numbers or margins, the second over more of the same trials, in its own
-    standard errors.
-
-    Without room for a difference, since the second error is not the smaller one: 0 or infinity.
-    """
-    try:
-        (a, da), (b, db) = (
-            (float(v.measured.removeprefix("margin ")), float(v.se or 0)) for v in (here, longer)
-        )
-    except ValueError:  # words where a number belongs
-        return math.inf
-    if da > db:
-        return abs(a - b) / math.sqrt(da**2 - db**2)
-    return 0.0 if math.isclose(a, b, abs_tol=1e-12) else math.inf
+def published(claim):
+    """What a row prints, with its unit behind numbers."""
+    number = re.search(r"[\d\]}]$", claim.value)
+    known = claim.unit not in ("", "-", "not printed")
+    return f"{claim.value} {claim.unit}" if number and known else claim.value
 
 
-def _se(se):
-    """A standard error as text, two significant digits."""
-    return f"{se:.2g}" if se else ""
+def _bound_half(claim, rule):
+    """A printed bound, such as "> 2", is relaxed by its half digit."""
+    if "half" in rule:
+        return rule["half"]
+    bound = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value)
+    return parse(bound[1])[1] if claim.kind == "bound" and bound else 0.0
 
 
 def _plain(value):
@@ -595,69 +618,122 @@ def nearest(word, words):
     return next(iter(get_close_matches(word, list(words), n=1, cutoff=0.0)), "")
 
 
-def scorecard(folder=None):
-    """Count of verdicts by paper, with the `differs` that chance alone would give.
+# All papers ----------------------------------------------------------------------------------
 
-    A Monte Carlo claim that is true is called `differs` with a probability of about 1 % at the most
-    (two 99 % margins add up), so among m of them about 0.01 m are expected.
+
+def verdicts(paper, folder=None):
+    """The verdicts.csv of a paper as a frame of text, checked against its claims.
+
+    Raises FileNotFoundError when there is none, ValueError when rows, published values or
+    evidence are not those of the claims file.
+    """
+    import pandas as pd
+
+    path = (folder or paths.figures()) / paper / "verdicts.csv"
+    again = f"tbdcore run {paper}"
+    if not path.is_file():
+        raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: {again}")
+    try:
+        table = pd.read_csv(path, dtype=str, keep_default_na=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError):
+        raise ValueError(f"{path}: no table of verdicts; make it anew: {again}") from None
+    if list(table.columns) != list(Verdict._fields):
+        raise ValueError(
+            f"{path}: its columns are {','.join(table.columns)}; make it anew: {again}"
+        )
+    rows = read(paper)
+    if list(table["id"]) != list(rows):
+        odd = ", ".join(sorted(set(table["id"]) ^ set(rows))) or "their order"
+        raise ValueError(
+            f"{paper}: verdicts.csv and data/claims/{paper}.csv do not match in {odd}; run {again}"
+        )
+    for number, row in enumerate(table.itertuples(), start=2):
+        claim, evidence = rows[row.id], row.evidence or rows[row.id].evidence
+        for column, ours, theirs in (
+            ("value", published(claim), row.published),
+            ("evidence", claim.evidence, evidence),
+        ):
+            if ours != theirs:
+                wrong = f"{ours!r}, but the verdict is on {theirs!r}; correct it, or run {again}"
+                raise ValueError(_where(f"{paper}.csv", number, column, wrong))
+    return table
+
+
+def ledger(folder=None):
+    """The verdicts on every claim of every paper, one row each, the paper's name in front."""
+    import pandas as pd
+
+    frame = pd.concat(
+        [verdicts(paper, folder) for paper in papers()], keys=papers(), names=["paper", None]
+    )
+    return frame.reset_index("paper").reset_index(drop=True)
+
+
+def counts(table):
+    """Counts of one table of verdicts: the measured by verdict, the other classes beside them.
+
+    "differs by chance" is the expected number of measured claims, right ones all, that the test
+    calls `differs`: 0.93 % of those that chance enters.
+    """
+    kind = table["evidence"].str.split(" ").str[0]
+    measured = table[kind == "measured"]
+    row = {"claims": len(table)}
+    row |= {f"measured: {v}": int((measured["verdict"] == v).sum()) for v in VERDICTS[:3]}
+    row |= {name: int((kind == name).sum()) for name in EVIDENCE[1:]}
+    row |= {name: int((table["verdict"] == name).sum()) for name in VERDICTS[3:]}
+    random = (measured["se"] != "").sum()
+    return row | {"differs by chance, about": f"{0.0093 * random:.2f}"}
+
+
+def scorecard(folder=None):
+    """Counts by paper, the last row for all.
 
     Raises FileNotFoundError when a paper has no verdicts, ValueError when its claims and verdicts
     do not match.
     """
-    rows = []
-    for paper in papers():
-        table = verdicts(paper, folder)
-        counts = table["verdict"].value_counts()
-        chance = 0.01 * ((table["se"] != "") & table["verdict"].isin(VERDICTS[:3])).sum()
-        rows.append(
-            [
-                paper,
-                len(table),
-                *(int(counts.get(verdict, 0)) for verdict in VERDICTS),
-                f"{chance:.2f}",
-            ]
-        )
-    card = pd.DataFrame(rows, columns=["paper", "claims", *VERDICTS, "differs by chance, about"])
-    total = [
-        "all",
-        *(int(card[column].sum()) for column in card.columns[1:-1]),
-        f"{card.iloc[:, -1].astype(float).sum():.2f}",
-    ]
-    card.loc[len(card)] = total
-    return card
+    import pandas as pd
+
+    tables = {paper: verdicts(paper, folder) for paper in papers()}
+    tables["all"] = pd.concat(tables.values())
+    return pd.DataFrame([{"paper": paper} | counts(table) for paper, table in tables.items()])
 
 
-def ledger(folder=None):
-    """The verdicts on every claim of every paper, one row each, the paper's name in front.
+# Rules that changed --------------------------------------------------------------------------
 
-    Raises like :func:`verdicts`.
+
+def rule_digest(rule):
+    """Short hash of a rule."""
+    return hashlib.sha256(rule.encode()).hexdigest()[:8]
+
+
+_ENTRY = re.compile(
+    r"^## (?P<paper>\w+) (?P<id>\S+)$"
+    r".*?^- was \((?P<old>\w{8})\): (?P<was>.*?)$.*?^- is \((?P<new>\w{8})\): (?P<is>.*?)$",
+    re.MULTILINE | re.DOTALL,
+)
+
+
+def history():
+    """Replay data/claims/CHANGES.md; returns complaints, one line each, empty if all is listed.
+
+    ``declared.csv`` beside it has the digest of each rule as it was first declared.  Each entry
+    leads from one digest to the next, and the last one is that of the present rule.
     """
-    tables = [verdicts(paper, folder) for paper in papers()]
-    frame = pd.concat(tables, keys=papers(), names=["paper", None])
-    return frame.reset_index("paper").reset_index(drop=True)
-
-
-def verdicts(paper, folder=None):
-    """The verdicts.csv of a paper, all text; checked for completeness against its claims."""
-    path = (folder or paths.figures()) / paper / "verdicts.csv"
-    if not path.is_file():
-        raise FileNotFoundError(
-            f"{paper}: no verdicts.csv in {path.parent}; make it with: tbdcore run {paper}"
-        )
-    try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError):
-        raise ValueError(
-            f"{path}: no table of verdicts; make it anew: tbdcore run {paper}"
-        ) from None
-    if list(table.columns) != list(Verdict._fields[:9]):
-        raise ValueError(
-            f"{path}: its columns are {','.join(table.columns)}; make it anew: tbdcore run {paper}"
-        )
-    if list(table["id"]) != list(read(paper)):
-        odd = sorted(set(table["id"]) ^ set(read(paper))) or ["their order"]
-        raise ValueError(
-            f"{paper}: verdicts.csv and data/claims/{paper}.csv do not match in {', '.join(odd)}; "
-            f"run tbdcore run {paper}"
-        )
-    return table
+    text = paths.CLAIMS.joinpath("CHANGES.md").read_text(encoding="utf-8")
+    lines = paths.CLAIMS.joinpath("declared.csv").read_text(encoding="utf-8").splitlines()
+    now = {tuple(line.split(",")[:2]): line.split(",")[2] for line in lines[1:]}
+    wrong = []
+    for entry in _ENTRY.finditer(text):
+        key, old, new = (entry["paper"], entry["id"]), entry["old"], entry["new"]
+        if rule_digest(entry["was"]) != old or rule_digest(entry["is"]) != new:
+            wrong.append(f"CHANGES.md, {' '.join(key)}: a digest is not that of its rule")
+        if now.get(key, "") != old:
+            wrong.append(f"CHANGES.md, {' '.join(key)}: the rule before it was {now.get(key)}")
+        now[key] = new
+    for paper in papers():
+        for number, claim in enumerate(read(paper).values(), start=2):
+            declared = now.pop((paper, claim.id), rule_digest(""))
+            if declared != rule_digest(claim.rule):
+                said = f"changed without an entry in CHANGES.md (now {rule_digest(claim.rule)})"
+                wrong.append(_where(f"{paper}.csv", number, "rule", f"{claim.id}: {said}"))
+    return wrong + [f"declared.csv: {' '.join(key)} is no row" for key in now]

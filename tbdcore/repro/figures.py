@@ -133,6 +133,21 @@ class Portfolio:
         ax.plot(x, y, **(marker | {"label": label or name} | style))
         self._remember(ax, label or name, x, y)
 
+    def prediction(self, ax, x, p, runs, name="paper", label=None, **style):
+        """Where a share of `runs` runs falls in 99 % of cases when its probability is p.
+
+        Binomial quantiles, drawn as bars; for published points of `runs` runs beside our curve p.
+        """
+        from scipy.special import ndtr
+        from scipy.stats import binom
+
+        tail, p = float(ndtr(-Z99)), np.asarray(p, float)
+        low, high = (binom.ppf(q, runs, p) / runs for q in (tail, 1 - tail))
+        style = {"color": COLOURS[name], "alpha": 0.35, "lw": 4} | style
+        ax.vlines(x, low, high, label=label or f"99 % of {runs} runs", **style)
+        self._remember(ax, f"{label or name}, low", x, low)
+        self._remember(ax, f"{label or name}, high", x, high)
+
     def _remember(self, ax, series, x, y, se=None):
         columns = {"series": series, "x": np.atleast_1d(x), "y": np.atleast_1d(y)}
         if se is not None:

@@ -226,7 +226,8 @@ def _parameter(node, comment):
     """One line of a parameters cell: an annotated assignment and its comment."""
     if not isinstance(node, ast.AnnAssign) or node.annotation.id not in TYPES:
         raise ValueError(
-            f"parameters cell, line {node.lineno}: write `name: type = default  # meaning`, type one of {', '.join(TYPES)}"
+            f"parameters cell, line {node.lineno}: write `name: type = default  # meaning`, "
+            f"type one of {', '.join(TYPES)}"
         )
     fields = {"meaning": comment.partition(";")[0], "increasing": "; increasing" in comment}
     if match := re.search(r"in ([\[(])\s*(\S+),\s*(\S+?)\s*([\])])", comment):
@@ -435,24 +436,30 @@ def failed_at(output):
 
 
 def clean(notebook):
-    """A papermill result as it is committed: without timings, papermill metadata, standard error
-    and injected cells.
+    """A papermill result as it is committed.
+
+    Without timings, papermill metadata, standard error and injected cells; what has the tag
+    ``hide-input`` is folded in JupyterLab as well, and a picture's alternative text stands in the
+    cell's metadata too, where the book looks for it.
     """
-    notebook["cells"] = [
+    cells = notebook["cells"] = [
         cell
         for cell in notebook["cells"]
         if "injected-parameters" not in cell["metadata"].get("tags", ())
     ]
-    code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    for cell in cells:
+        tags = cell["metadata"].get("tags")
+        cell["metadata"] = {"tags": tags} if tags else {}
+        if "hide-input" in (tags or ()):
+            cell["metadata"]["jupyter"] = {"source_hidden": True}
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
     for count, cell in enumerate(code, start=1):
         cell["execution_count"] = count
         cell["outputs"] = [output for output in cell["outputs"] if output.get("name") != "stderr"]
         for output in cell["outputs"]:
             output.update({"execution_count": count} if "execution_count" in output else {})
-    for cell in notebook["cells"]:
-        cell["metadata"] = (
-            {"tags": cell["metadata"]["tags"]} if cell["metadata"].get("tags") else {}
-        )
+            if alt := output.get("metadata", {}).get("image/png", {}).get("alt"):
+                cell["metadata"]["mystnb"] = {"image": {"alt": alt}}
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     notebook["metadata"] = {"kernelspec": kernel, "language_info": {"name": "python"}}
     return notebook

@@ -20,7 +20,9 @@ PROVENANCE = {
     "digest": "0123456789abcdef",
     "versions": {},
 }
-CLAIMS = "id,item,quantity,conditions,value,unit,kind,where,cause\nmean,Fig. 1,mean,,1.5,m,number,Sec. 2,\n"
+CLAIMS = """id,item,quantity,conditions,value,unit,kind,where,rule,evidence,cause
+mean,Fig. 1,mean,,1.5,m,number,Sec. 2,Mean,measured,
+"""
 
 
 @pytest.fixture
@@ -166,7 +168,8 @@ def test_nothing_is_written_before_publish(portfolio, ledger, tmp_path):
     assert set(made) == {"verdicts.csv", *portfolio.files}
     assert made["fig01.pdf"] == portfolio.files["fig01.pdf"]
     assert (
-        made["verdicts.csv"].decode().splitlines()[1] == "mean,Fig. 1,mean,1.5 m,1.52,,,reproduced,"
+        made["verdicts.csv"].decode().splitlines()[1]
+        == "mean,Fig. 1,mean,1.5 m,1.52,,,,,reproduced,measured,"
     )
 
 

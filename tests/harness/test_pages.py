@@ -313,7 +313,7 @@ def test_the_digest_does_not_see_comments_docstrings_text_cells_and_causes(
         module.write_text(
             source.replace('"""', '"""Words. ', 1) + "\n# a remark\n", encoding="utf-8"
         )
-    caused = tiny.CLAIMS.replace("number,Sec. 1,", "number,Sec. 1,because")
+    caused = tiny.CLAIMS.replace("measured,\n", "measured,because\n")
     (paths.CLAIMS / "tiny.csv").write_text(caused)
     assert caused != tiny.CLAIMS
     assert pages.digest("tiny") == before
