@@ -20,7 +20,7 @@ K, GRID, M = 11, (50, 50), 3
 ONE, ASIDE = np.ones(1), np.array([0.95, 1.0, 0.95])
 WINDOW, SLACK = np.ones(2 * M + 1), np.array([0.0, 1.0, 1.0])
 LITERAL = np.array([[0.95 ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
-SETS = {  # family of kernels, weights, velocities, slowest, longest step, looks per state and frame
+SETS = {  # family of kernels, weights, velocities, lowest_velocity, longest step, looks per state and frame
     "conventional": ("box", (WINDOW,), 1, 0, M, 12),
     "Tonissen": ("box", (SLACK,), 2 * M, 1 - M, M + 1, 4),
     "weighted": ("weighted", (ASIDE, ASIDE), 2 * M, 1 - M, M + 1, 12),
@@ -30,11 +30,11 @@ SETS = {  # family of kernels, weights, velocities, slowest, longest step, looks
 ASKED = {"conventional": 60e-6, "Tonissen": 1.3e-3, "weighted": 3e-3}  # seconds of a whole trial
 
 
-def trial(frames, forward, path, weights, back, I, slowest, reach):
+def trial(frames, forward, path, weights, back, I, lowest_velocity, reach):
     """One trial into the workspace I: margin, forward pass, largest final state, path."""
-    forward(dynprog.margin(frames, reach), *weights, slowest, reach, I)
+    forward(dynprog.margin(frames, reach), *weights, lowest_velocity, reach, I)
     last = np.unravel_index(I[-1].argmax(), I[-1].shape)
-    return path(I, last, *back, slowest)
+    return path(I, last, *back, lowest_velocity)
 
 
 def seconds_per_look():
@@ -62,10 +62,10 @@ def filters(z):
 def rows():
     frames = np.random.default_rng(1).normal(size=(K, *GRID))
     look = seconds_per_look()
-    for name, (family, weights, V, slowest, reach, looks) in SETS.items():
+    for name, (family, weights, V, lowest_velocity, reach, looks) in SETS.items():
         I = np.empty((K, V, V, *(n + 2 * reach for n in GRID)))
         forward, path = f"{family}_forward", f"{family.replace('box', 'weighted')}_path"
-        arguments = weights, weights if family != "box" else (*weights, ONE), I, slowest, reach
+        arguments = weights, weights if family != "box" else (*weights, ONE), I, lowest_velocity, reach
         seconds = best(trial, frames, getattr(dynprog, forward), getattr(dynprog, path), *arguments)
         spec = best(
             trial,

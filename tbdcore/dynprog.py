@@ -1,61 +1,64 @@
-"""Max-product dynamic programming for track-before-detect: the forward pass, stage by stage, and
-the path back.
+"""Max-product dynamic programming for track-before-detect: forward pass and back-trace.
 
 A target that moves through K frames leaves its energy along one path; dynamic programming finds the
-best of all admissible paths by keeping, for each state of frame k, only the best way of having come
-there:
+best of all admissible paths by keeping, for each state of frame k, only the best way to reach it
+(Wan, Wang and Wu 2013, eqs. 4, 12, 16):
 
-    I_k(x) = z_k(x) + max over predecessors x' of x of  g(x'|x) I_{k-1}(x')          (Wan, Wang and Wu 2013, eqs. 4, 12, 16)
+    I_k(x) = z_k(x) + max over predecessors x' of x of  g(x'|x) I_{k-1}(x')
 
-A state is (iv, jv, i, j): two velocity indices and two cell indices.  Index iv stands for the
-velocity ``slowest + iv`` in cells per frame; an algorithm without velocity has one index and
-``slowest = 0``.  The predecessors of a state have the velocity v' = v + r and the position i - v' +
-m: r is the change of velocity, m the position slack, and the same on the other axis.
+A state is (iv, jv, i, j): two velocity indices and two cell indices.  Index iv is the velocity
+``lowest_velocity + iv`` in cells per frame; an algorithm without velocity has one index and
+``lowest_velocity = 0``.  The predecessors of a state have the velocity v' = v + r and the position
+i - v' + m: r is the change of velocity, m the position slack, and the same on the other axis.
 
-``position`` and ``velocity``
-    weights of the slacks: an odd number of them, the middle one for slack 0, and 0 for a slack that
-    is not allowed. Conventional: ``ones(2M+1)``, one speed.  Tonissen: ``(0, 1, 1)``, velocity
-    kept.  State-weighted: ``(a, 1, a)`` both.
-``box_forward``        predecessors that keep their velocity and all count the same (eqs. 6 and 7)
-``weighted_forward``   slack of one cell and of one velocity, weight = product of four factors (eqs. 8, 10 with deviation |m|)
-``coupled_forward``    the same set with a weight that is a table over (m, r) per axis (eq. 10 with deviation |m - r|)
-``penalised_forward``  the same set with a price that is subtracted instead of a weight that
-multiplies
-``*_path``             the best path that ends in one state (eqs. 5, 13, 17, and 19)
+``position``, ``velocity``  weights of the slacks: an odd number, the middle one for slack 0, and 0
+                            for a slack that is not allowed.  Conventional: ``ones(2M+1)``, one
+                            velocity.  Tonissen: ``(0, 1, 1)``, velocity kept.  State-weighted:
+                            ``(a, 1, a)`` both.
+``box_forward``             predecessors keep their velocity and all count the same (eqs. 6, 7)
+``weighted_forward``        slack of one cell and one velocity, weight = product of four factors
+                            (eqs. 8, 10 with deviation |m|)
+``coupled_forward``         the same set, weight = table over (m, r) per axis (eq. 10 with |m - r|)
+``penalised_forward``       the same set, a price is subtracted instead (not in the paper)
+``*_path``                  the best path that ends in one state (eqs. 5, 13, 17, 19)
 
 Max over products with positive weights is separable on all real numbers, negative ones included,
 because x -> g x is increasing: 81 predecessors cost 6 + 6 operations.  Where all weights are 1, the
 maximum over seven neighbours is one over three overlapping maxima over three, so that 49
-predecessors cost 6 + 6 as well.  Nothing here takes a logarithm.  An empty maximum is
--inf, so a state that cannot be reached is -inf for ever, and no finite sentinel has to be told from
-data.
+predecessors cost 6 + 6 as well.  Nothing here takes a logarithm.  An empty maximum is -inf: a state
+that cannot be reached is -inf, and so is every state that only it could reach.
 
-Layout: frames and value maps stand in a margin of -inf (``margin``), at least as wide as the
-longest step, so that the edge of the picture needs no case of its own.  Maps are stored plane by
-plane, shape (V, V, X, Y) with X = Nx + 2 margins: a step along an axis is then a shift of one
-contiguous array.  No back-pointers are stored: the value maps of all frames are kept, and the
-argmax is taken again where a path goes through, multiplying in the order of the forward pass so
-that both agree to the last bit. Data may be float32 or float64; weights must have the same
-type.  Not here: thresholds, Monte Carlo, and which set a paper uses.
+Frames and value maps have a margin of -inf (``margin``), at least as wide as the longest step, so
+that the edge of the frame needs no case of its own.  Maps have shape (V, V, X, Y) with
+X = Nx + 2 margins: a step along an axis is a shift of one contiguous array.  No back-pointers are
+stored: the value maps of all frames are kept, and the back-trace takes the argmax again,
+multiplying in the order of the forward pass so that both agree to the last bit.  Frames, maps and
+weights are contiguous arrays of one type, float32 or float64; frames come from ``margin``, which
+refuses NaN.  Not here: thresholds, Monte Carlo, and which set a paper uses.
 """
 
+import functools
 import itertools
 
 import numpy as np
+from numba.core.errors import NumbaError
 
-from tbdcore import kernel
+from tbdcore import checks, kernel
 
 
 def margin(frames, width):
-    """Frames (K, Nx, Ny), all finite, surrounded by ``width`` cells of -inf; cell (i, j) moves to
-    (i + width, j + width).
+    """Frames (K, Nx, Ny) with ``width`` cells of -inf around; cell (i, j) at (i, j) + width.
+
+    Raises ValueError for another shape, for an empty frame and for a cell that is not finite.
     """
-    frames = np.asarray(frames)
+    frames, width = np.asarray(frames), checks.integer("width", width, 0)
     if frames.ndim != 3 or 0 in frames.shape:
         raise ValueError(
             f"frames: shape {frames.shape} is not (K, Nx, Ny) with at least one cell; "
             f"stack the frames first"
         )
+    if frames.dtype.char not in "fd":
+        frames = checks.reals("frames", frames, "K", "Nx", "Ny")
     K, Nx, Ny = frames.shape
     framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
     if _surround(np.ascontiguousarray(frames), width, framed):
@@ -69,8 +72,9 @@ def margin(frames, width):
 
 @kernel
 def _surround(frames, width, framed):
-    """Copy frames into ``framed`` and return how many of their cells are not finite: what is not,
-    less itself, is not 0.
+    """Copy frames into ``framed``; return how many cells are not finite.
+
+    x - x is 0 for finite x and NaN otherwise.
     """
     (K, Nx, Ny), (_, X, Y), flat = frames.shape, framed.shape, framed.reshape(framed.size)
     lost = end = 0
@@ -86,14 +90,15 @@ def _surround(frames, width, framed):
     return lost
 
 
-def weights(slack, name="slack"):
-    """Weights of the slacks -d..d as a float64 vector of odd length; the middle one must be
-    allowed.
+def check_weights(slack, name="slack"):
+    """Weights of the slacks -d..d as a float64 vector; ValueError unless they are valid.
+
+    Valid are an odd number of finite weights, none negative, the middle one positive.
     """
     slack = np.atleast_1d(np.asarray(slack, dtype=float))
     if slack.ndim != 1 or slack.size % 2 == 0:
         raise ValueError(
-            f"{name}: {slack.size} weights, an even window, have no middle; "
+            f"{name}: shape {slack.shape}, an even window or none; "
             f"give 2 d + 1 weights for slacks -d..d"
         )
     if not (np.isfinite(slack).all() and (slack >= 0).all() and slack[slack.size // 2] > 0):
@@ -104,8 +109,87 @@ def weights(slack, name="slack"):
     return slack
 
 
+def _one_type(compiled):
+    """The compiled function; arrays of several types or another layout are a ValueError."""
+
+    @functools.wraps(compiled, updated=())
+    def call(*args):
+        types = [a.dtype for a in args if type(a) is np.ndarray]
+        try:
+            if types.count(types[0]) == len(types) and types[0].char in "fd":
+                return compiled(*args)
+        except (NumbaError, IndexError, OverflowError):
+            pass
+        raise ValueError(
+            f"{call.__name__}: arrays of another type or shape; give contiguous arrays of the "
+            f"documented shapes, all float64 or all float32, and whole numbers"
+        ) from None
+
+    call.py_func = compiled.py_func
+    return call
+
+
+@kernel
+def _check_window(weights):
+    """Raise ValueError unless weights (2 d + 1,) are finite, >= 0, positive in the middle."""
+    if weights.size % 2 == 0 or not weights[weights.size // 2] > 0:
+        raise ValueError("weights: give 2 d + 1 weights, the middle one positive")
+    for w in weights:
+        if not 0 <= w < np.inf:
+            raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
+
+
+@kernel
+def _check_three(position, velocity):
+    """Raise ValueError unless there are two times three weights or prices, none negative."""
+    if position.size != 3 or velocity.size != 3:
+        raise ValueError(
+            "weights: slacks of one cell and one velocity need three weights each; "
+            "use 0 (price: inf) for a slack left out"
+        )
+    for n in range(3):
+        if not (position[n] >= 0 and velocity[n] >= 0):
+            raise ValueError("weights, prices: must not be negative or NaN")
+    if position[1] == np.inf or velocity[1] == np.inf:
+        raise ValueError("prices: must be finite in the middle")
+
+
+@kernel
+def _check_table(table):
+    """Raise ValueError unless all (3, 3) weights are positive and finite."""
+    if table.shape != (3, 3):
+        raise ValueError("table: give (3, 3) weights, position slack first")
+    for w in table.reshape(9):
+        if not 0 < w < np.inf:
+            raise ValueError("table: weights must be positive and finite")
+
+
+@kernel
+def _check_room(z, I, slack, lowest, reach):
+    """Raise ValueError unless the frames fit the maps and no step leaves the margin."""
+    (_, V, W, X, Y), least = I.shape, min(z.shape[1], z.shape[2])
+    if z.shape != (len(I), X, Y) or V != W or I.size == 0:
+        raise ValueError("I: maps must be (K, V, V, X, Y) for frames (K, X, Y) in their margin")
+    if not (slack <= reach < (least + 1) // 2 and slack - reach <= lowest <= reach - slack - V + 1):
+        raise ValueError(
+            "reach: a step is longer than the margin, or the margin fills the frame; "
+            "use margin(frames, longest step)"
+        )
+
+
+@kernel
+def _check_state(I, state, lowest):
+    """Raise ValueError unless state (iv, jv, i, j) is one of the maps I (K, V, V, X, Y)."""
+    if I.size == 0 or I.shape[1] != I.shape[2] or abs(lowest) > I.size:
+        raise ValueError("I: maps must be (K, V, V, X, Y), K at least 1")
+    if len(state) != 4:
+        raise ValueError("state: give (iv, jv, i, j)")
+    for axis in range(4):
+        if not 0 <= state[axis] < I.shape[axis + 1]:
+            raise ValueError("state: no such index (iv, jv, i, j) in the maps")
+
+
 # Loops over one contiguous plane
-# ------------------------------------------------------------------------------------------
 
 
 @kernel
@@ -124,11 +208,10 @@ def _top_add(target, first, second, third, term):
 
 @kernel
 def _window(target, source, start, step, count, term, work):
-    """target[x] = max of source[start + x + c step] over c = 0..count-1, plus term[x] where one is
-    given.
+    """target[x] = max of source[start + x + c step], c = 0..count-1, plus term[x] if there is one.
 
-    Three maxima over ``width`` neighbours, side by side or overlapping, are one over up to 3
-    ``width``: seven take two passes.
+    Three maxima over ``width`` neighbours, side by side or overlapping, are one over up to 3 width
+    neighbours: seven take two passes.
     """
     n, width, source, turn = target.size, 1, source[start:], 0
     while 3 * width < count:
@@ -144,24 +227,36 @@ def _window(target, source, start, step, count, term, work):
 
 
 @kernel
-def _best(target, first, second, third, a, b, c, additive):
-    """target = max of (a first, b second, c third), or of (first - a, second - b, third - c) where
-    ``additive``.
-    """
-    if additive:
-        for x in range(target.size):
-            p, q, r = first[x] - a, second[x] - b, third[x] - c
-            p = p if p > q else q
-            target[x] = p if p > r else r
-    else:
-        for x in range(target.size):
-            p, q, r = a * first[x], b * second[x], c * third[x]
-            p = p if p > q else q
-            target[x] = p if p > r else r
+def _best_product(target, source, step, weight):
+    """target[x] = max of weight[c] source[x + c step] over c = 0, 1, 2; weight 0 leaves c out."""
+    first, second, third = source, source[step:], source[2 * step :]
+    a, b, c = weight[0], weight[1], weight[2]
+    if not a > 0:
+        first, a = second, b
+    if not c > 0:
+        third, c = second, b
+    for x in range(target.size):
+        p, q, r = a * first[x], b * second[x], c * third[x]
+        p = p if p > q else q
+        target[x] = p if p > r else r
 
 
 @kernel
-def _raise_products(target, first, second, third, a, b, c):
+def _best_difference(target, source, step, price):
+    """target[x] = max of source[x + c step] - price[c] over c = 0, 1, 2."""
+    first, second, third = source, source[step:], source[2 * step :]
+    a, b, c = price[0], price[1], price[2]
+    for x in range(target.size):
+        p, q, r = first[x] - a, second[x] - b, third[x] - c
+        p = p if p > q else q
+        target[x] = p if p > r else r
+
+
+@kernel
+def _raise_products(target, source, step, weight):
+    """target[x] = max of target[x] and weight[c] source[x + c step] over c = 0, 1, 2."""
+    first, second, third = source, source[step:], source[2 * step :]
+    a, b, c = weight[0], weight[1], weight[2]
     for x in range(target.size):
         p, q, r = a * first[x], b * second[x], c * third[x]
         p = p if p > q else q
@@ -183,22 +278,9 @@ def _fill(target, value):
 
 @kernel
 def _edge(plane, lo, n):
+    """Set all but the n elements from lo on to -inf."""
     _fill(plane[:lo], -np.inf)
     _fill(plane[lo + n :], -np.inf)
-
-
-@kernel
-def _room(shape, slack, slowest, reach):
-    """First interior element and number of elements of a flat plane; refuses a margin that a step
-    could leave.
-    """
-    V, _, X, Y = shape
-    if reach < slack + max(abs(slowest), abs(slowest + V - 1)) or min(X, Y) <= 2 * reach:
-        raise ValueError(
-            "reach: a step is longer than the margin, or the margin fills the frame; "
-            "use margin(frames, longest step)"
-        )
-    return reach * Y, (X - 2 * reach) * Y
 
 
 @kernel
@@ -216,34 +298,18 @@ def _allowed(weight):
     return first, count
 
 
-@kernel
-def _sides(weight, additive):
-    """Indices that stand for the slacks -1 and 1; one that is not allowed (weight 0) is replaced by
-    the middle, 1.
-    """
-    if weight.size != 3:
-        raise ValueError(
-            "weights: slacks of one cell and one velocity need three weights each; "
-            "use 0 for a slack left out"
-        )
-    return (0 if additive or weight[0] > 0 else 1), (2 if additive or weight[2] > 0 else 1)
+# Specifications
 
 
-# Specifications -----------------------------------------------------------------------------------
-# ------------------------
-
-
-def _dense(z, table, slowest, I, combine):
-    """All value maps by the dense stage; table: position slack, velocity change; NaN leaves one
-    out.
-    """
+def _dense(z, table, lowest_velocity, I, combine):
+    """All value maps by the dense stage; table (position slack, velocity change), NaN: left out."""
     I[0] = z[0]
     for k in range(1, len(z)):
-        _dense_stage(I[k - 1], z[k], table, slowest, I[k], combine)
+        _dense_stage(I[k - 1], z[k], table, lowest_velocity, I[k], combine)
     return I
 
 
-def _dense_stage(previous, frame, table, slowest, out, combine):
+def _dense_stage(previous, frame, table, lowest_velocity, out, combine):
     """Every predecessor of every state, whole planes at a time."""
     V, (dm, dr) = len(previous), np.array(table.shape) // 2
     out[:] = -np.inf
@@ -256,7 +322,9 @@ def _dense_stage(previous, frame, table, slowest, out, combine):
     for iv, jv, (m, r), (n, s) in itertools.product(range(V), range(V), slacks, slacks):
         u, w = iv + r, jv + s
         if 0 <= u < V and 0 <= w < V:
-            moved = np.roll(previous[u, w], (slowest + u - m, slowest + w - n), axis=(0, 1))
+            moved = np.roll(
+                previous[u, w], (lowest_velocity + u - m, lowest_velocity + w - n), axis=(0, 1)
+            )
             value = combine(combine(moved, table[n + dm, s + dr]), table[m + dm, r + dr])
             np.maximum(out[iv, jv], value, out=out[iv, jv])
     out += frame
@@ -266,17 +334,15 @@ def _nan_where_zero(table):
     return np.where(table > 0, table, np.nan)
 
 
-def _candidates(previous, state, table, slowest, combine):
-    """Values and states of all predecessors of one state inside the map; NaN in the table leaves
-    one out.
-    """
+def _candidates(previous, state, table, lowest_velocity, combine):
+    """Values and states of all predecessors of one state inside the map."""
     V, X, Y = previous.shape[1:]
     dm, dr = np.array(table.shape) // 2
     n, s, m, r = (
         axis.ravel() for axis in np.mgrid[-dm : dm + 1, -dr : dr + 1, -dm : dm + 1, -dr : dr + 1]
     )
     u, w = state[0] + r, state[1] + s
-    x, y = state[2] + m - slowest - u, state[3] + n - slowest - w
+    x, y = state[2] + m - lowest_velocity - u, state[3] + n - lowest_velocity - w
     keep = (u >= 0) & (u < V) & (w >= 0) & (w < V) & (x >= 0) & (x < X) & (y >= 0) & (y < Y)
     u, w, x, y, m, n, r, s = (axis[keep] for axis in (u, w, x, y, m, n, r, s))
     return combine(
@@ -292,28 +358,25 @@ def _best_of(values, states):
     return tuple(int(index) for index in states[values.argmax()])
 
 
-def _path_of(I, state, table, slowest, combine):
-    """Best path to a state: the best of all predecessors, again and again; four times -1 is its own
-    predecessor.
-    """
+def _path_of(I, state, table, lowest_velocity, combine):
+    """Best path to a state; four times -1 from where no predecessor can be reached."""
     path = [state]
     for previous in I[-2::-1]:
         lost = path[-1][0] < 0
         path.append(
             path[-1]
             if lost
-            else _best_of(*_candidates(previous, path[-1], table, slowest, combine))
+            else _best_of(*_candidates(previous, path[-1], table, lowest_velocity, combine))
         )
     return np.array(path[::-1])
 
 
-# Forward pass -------------------------------------------------------------------------------------
-# ------------------------
+# Forward pass
 
 
 @kernel
 def _start(z, I):
-    """Eq. (14): before the second frame every velocity has gathered the same."""
+    """Eq. (14): the value of every velocity is that of the cell."""
     first, frame = I[0].reshape(I.shape[1] * I.shape[2], z[0].size), z[0].reshape(z[0].size)
     for v in range(first.shape[0]):
         for x in range(frame.size):
@@ -321,315 +384,278 @@ def _start(z, I):
 
 
 @kernel
-def _box_stage(previous, frame, position, slowest, reach, out, work):
+def _box_stage(previous, frame, position, lowest, reach, out, work):
     V, Y, d = previous.shape[0], previous.shape[3], position.size // 2
-    lo, n = _room(previous.shape, d, slowest, reach)
+    lo, n = reach * Y, frame.size - 2 * reach * Y
     first, count = _allowed(position)
     z, rows, more = frame.reshape(frame.size), work[0], work[1:]
     _edge(rows, lo, n)
     for iv in range(V):
         for jv in range(V):
             source, target = previous[iv, jv].reshape(frame.size), out[iv, jv].reshape(frame.size)
-            _window(rows[lo:][:n], source, lo + first - d - slowest - jv, 1, count, z[:0], more)
-            _window(
-                target[lo:][:n], rows, lo + (first - d - slowest - iv) * Y, Y, count, z[lo:], more
-            )
+            _window(rows[lo:][:n], source, lo + first - d - lowest - jv, 1, count, z[:0], more)
+            start = lo + (first - d - lowest - iv) * Y
+            _window(target[lo:][:n], rows, start, Y, count, z[lo:], more)
             _edge(target, lo, n)
 
 
-def box_forward_spec(z, position, slowest, reach, I):
+def box_forward_spec(z, position, lowest_velocity, reach, I):
     """Specification of :func:`box_forward`: all pairs of slacks."""
-    return _dense(z, np.where(position > 0, 1.0, np.nan)[:, None], slowest, I, np.multiply)
+    table = np.where(position > 0, 1.0, np.nan)[:, None]
+    return _dense(z, table, lowest_velocity, I, np.multiply)
 
 
+@_one_type
 @kernel
-def box_forward(z, position, slowest, reach, I):
-    """Eqs. (4), (6), (7), (14): the velocity is kept, all allowed slacks count the same.  Writes
-    the maps I and returns them.
+def box_forward(z, position, lowest_velocity, reach, I):
+    """Eqs. (4), (6), (7), (14): the velocity is kept, all allowed slacks count the same.
 
-    z : (K, X, Y) frames in their margin; I : (K, V, V, X, Y) value maps in the same layout.
+    z : (K, X, Y) frames in their margin; I : (K, V, V, X, Y) value maps, written and returned.
     position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours.
-    slowest : velocity of index 0, cells/frame; reach : width of the margin, at least d + the
+    lowest_velocity : of index 0, cells/frame; reach : width of the margin, at least d + the
         fastest velocity.
+
+    Raises ValueError for arrays that do not fit and for a margin that a step could leave.
     """
+    _check_window(position)
+    _check_room(z, I, position.size // 2, lowest_velocity, reach)
     work = np.empty((3, z.shape[1] * z.shape[2]), I.dtype)
     _start(z, I)
     for k in range(1, len(z)):
-        _box_stage(I[k - 1], z[k], position, slowest, reach, I[k], work)
+        _box_stage(I[k - 1], z[k], position, lowest_velocity, reach, I[k], work)
     return I
 
 
 @kernel
-def _extended_stage(previous, frame, position, velocity, slowest, reach, additive, out, best):
-    """Axis by axis: the best position slack of each velocity, then the best change of velocity;
-    ``out`` holds the half-way map.
-    """
-    V, Y = previous.shape[0], previous.shape[3]
-    lo, n = _room(previous.shape, 1, slowest, reach)
-    m0, m2 = _sides(position, additive)
-    r0, r2 = _sides(velocity, additive)
-    a, b, c = position[m0], position[1], position[m2]
-    z, planes = frame.reshape(frame.size), out.reshape(V, V, frame.size)
-    for axis in range(2):
-        step = Y if axis else 1
-        for u in range(V):  # the velocity index of the other axis
-            for w in range(V):
-                source = planes[w, u] if axis else previous[u, w].reshape(frame.size)
-                o = lo - (slowest + w) * step
-                left, right = source[o + (m0 - 1) * step :][:n], source[o + (m2 - 1) * step :][:n]
-                _best(best[w], left, source[o:][:n], right, a, b, c, additive)
-            for w in range(V):
-                s0, s2 = (r0 if w > 0 else 1), (r2 if w < V - 1 else 1)
-                target = planes[w, u] if axis else planes[u, w]
-                less, more = best[w + s0 - 1], best[w + s2 - 1]
-                _best(
-                    target[lo:][:n],
-                    less,
-                    best[w],
-                    more,
-                    velocity[s0],
-                    velocity[1],
-                    velocity[s2],
-                    additive,
-                )
-                if axis:
-                    _add(target[lo:][:n], z[lo:])
-                else:
-                    _edge(target, lo, n)
+def _flat(a):
+    return a.reshape(a.size)
 
 
 @kernel
-def _extended(z, position, velocity, slowest, reach, additive, I):
-    best = np.empty((I.shape[1], _room(I.shape[1:], 1, slowest, reach)[1]), I.dtype)
+def _weighted(z, position, velocity, lowest, reach, I):
+    """Axis by axis: the best slack of each velocity, then the best change of velocity."""
+    V, size, Y = I.shape[1], z[0].size, z.shape[2]
+    lo, n = reach * Y, size - 2 * reach * Y
+    rows = np.full((V + 2, n), -np.inf).astype(I.dtype)  # velocity v in row v + 1
     _start(z, I)
     for k in range(1, len(z)):
-        _extended_stage(I[k - 1], z[k], position, velocity, slowest, reach, additive, I[k], best)
+        old, new = _flat(I[k - 1]), _flat(I[k])
+        for plane in range(V * V):
+            _edge(new[plane * size :][:size], lo, n)
+        for across, along, step in ((V * size, size, 1), (size, V * size, Y)):
+            for start in range(lo, lo + V * across, across):
+                for v in range(V):
+                    source = old[start + v * along - (lowest + v + 1) * step :]
+                    _best_product(rows[v + 1], source, step, position)
+                for v in range(V):
+                    _best_product(new[start + v * along :][:n], _flat(rows)[v * n :], n, velocity)
+                    if step > 1:
+                        _add(new[start + v * along :][:n], _flat(z[k])[lo:])
+            old = new
+    return I
 
 
-def weighted_forward_spec(z, position, velocity, slowest, reach, I):
+def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I):
     """Specification of :func:`weighted_forward`: all 81 predecessors of every state."""
-    return _dense(z, _nan_where_zero(np.outer(position, velocity)), slowest, I, np.multiply)
+    table = _nan_where_zero(np.outer(position, velocity))
+    return _dense(z, table, lowest_velocity, I, np.multiply)
+
+
+@_one_type
+@kernel
+def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
+    """Eqs. (8), (12) with g a product: position[m] velocity[r] on each axis, slacks -1, 0, 1.
+
+    Arrays as in :func:`box_forward`; position, velocity : (3,) of the frames' type, 0 for a slack
+    left out.  The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
+    """
+    _check_three(position, velocity)
+    _check_window(position)
+    _check_window(velocity)
+    _check_room(z, I, 1, lowest_velocity, reach)
+    return _weighted(z, position, velocity, lowest_velocity, reach, I)
 
 
 @kernel
-def weighted_forward(z, position, velocity, slowest, reach, I):
-    """Eqs. (8), (12) with g a product: position[m] velocity[r] on each axis, slacks -1, 0, 1,
-    weight 0 for a slack left out.
-
-    Arrays as in :func:`box_forward`; position, velocity : (3,) of the data's type, positive in the
-    middle.  The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
-    """
-    _extended(
-        z, position, velocity, slowest, reach, np.bool_(False), I
-    )  # a plain False is a type of its own: compiled twice
+def _penalised(z, position, velocity, lowest, reach, I):
+    """As :func:`_weighted`, with differences for products."""
+    V, size, Y = I.shape[1], z[0].size, z.shape[2]
+    lo, n = reach * Y, size - 2 * reach * Y
+    rows = np.full((V + 2, n), -np.inf).astype(I.dtype)
+    _start(z, I)
+    for k in range(1, len(z)):
+        old, new = _flat(I[k - 1]), _flat(I[k])
+        for plane in range(V * V):
+            _edge(new[plane * size :][:size], lo, n)
+        for across, along, step in ((V * size, size, 1), (size, V * size, Y)):
+            for start in range(lo, lo + V * across, across):
+                for v in range(V):
+                    source = old[start + v * along - (lowest + v + 1) * step :]
+                    _best_difference(rows[v + 1], source, step, position)
+                for v in range(V):
+                    _best_difference(
+                        new[start + v * along :][:n], _flat(rows)[v * n :], n, velocity
+                    )
+                    if step > 1:
+                        _add(new[start + v * along :][:n], _flat(z[k])[lo:])
+            old = new
     return I
 
 
-def penalised_forward_spec(z, position, velocity, slowest, reach, I):
+def penalised_forward_spec(z, position, velocity, lowest_velocity, reach, I):
     """Specification of :func:`penalised_forward`: all 81 predecessors of every state."""
-    return _dense(z, np.add.outer(position, velocity), slowest, I, np.subtract)
+    return _dense(z, np.add.outer(position, velocity), lowest_velocity, I, np.subtract)
 
 
+@_one_type
 @kernel
-def penalised_forward(z, position, velocity, slowest, reach, I):
-    """I_k = z_k + max (I_{k-1} - position[m] - velocity[r] - the same on the other axis): prices,
-    inf for a slack left out.
+def penalised_forward(z, position, velocity, lowest_velocity, reach, I):
+    """I_k = z_k + max (I_{k-1} - position[m] - velocity[r] - the same on the other axis).
 
-    Not in the paper.  A price of lambda |m| + lambda |r| is a log-prior of the path, so the maximum
-    is Viterbi's.
+    Not in the paper.  position, velocity : (3,) prices, inf for a slack left out.  A price of
+    lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
-    _extended(z, position, velocity, slowest, reach, np.bool_(True), I)
-    return I
+    _check_three(position, velocity)
+    _check_room(z, I, 1, lowest_velocity, reach)
+    return _penalised(z, position, velocity, lowest_velocity, reach, I)
 
 
 @kernel
-def _coupled_stage(previous, frame, table, slowest, reach, out, rows):
-    V, Y = previous.shape[0], previous.shape[3]
-    lo, n = _room(previous.shape, 1, slowest, reach)
-    z, planes = frame.reshape(frame.size), out.reshape(V, V, frame.size)
+def _coupled_stage(previous, frame, table, lowest, reach, out, rows):
+    V, Y, size = previous.shape[0], previous.shape[3], frame.size
+    lo, n = reach * Y, size - 2 * reach * Y
+    z, planes = frame.reshape(size), out.reshape(V, V, size)
     for jv in range(V):
         for u in range(V):
             _fill(rows[u, lo:][:n], -np.inf)
             for w in range(max(jv - 1, 0), min(jv + 2, V)):
-                source, o, g = (
-                    previous[u, w].reshape(frame.size),
-                    lo - slowest - w,
-                    table[:, w - jv + 1],
-                )
-                _raise_products(
-                    rows[u, lo:][:n],
-                    source[o - 1 :][:n],
-                    source[o:][:n],
-                    source[o + 1 :][:n],
-                    g[0],
-                    g[1],
-                    g[2],
-                )
+                source = previous[u, w].reshape(size)[lo - lowest - w - 1 :]
+                _raise_products(rows[u, lo:][:n], source, 1, table[:, w - jv + 1])
         for iv in range(V):
             target = planes[iv, jv, lo:][:n]
             _fill(planes[iv, jv], -np.inf)
             for u in range(max(iv - 1, 0), min(iv + 2, V)):
-                source, o, g = rows[u], lo - (slowest + u) * Y, table[:, u - iv + 1]
-                _raise_products(
-                    target,
-                    source[o - Y :][:n],
-                    source[o:][:n],
-                    source[o + Y :][:n],
-                    g[0],
-                    g[1],
-                    g[2],
-                )
+                source = rows[u, lo - (lowest + u + 1) * Y :]
+                _raise_products(target, source, Y, table[:, u - iv + 1])
             _add(target, z[lo:])
 
 
-def coupled_forward_spec(z, table, slowest, reach, I):
+def coupled_forward_spec(z, table, lowest_velocity, reach, I):
     """Specification of :func:`coupled_forward`: all 81 predecessors of every state."""
-    return _dense(z, table, slowest, I, np.multiply)
+    return _dense(z, table, lowest_velocity, I, np.multiply)
 
 
+@_one_type
 @kernel
-def coupled_forward(z, table, slowest, reach, I):
-    """Eqs. (8), (12) with g = table[m, r] table[n, s]: position slack and velocity change of an
-    axis weighted together.
+def coupled_forward(z, table, lowest_velocity, reach, I):
+    """Eqs. (8), (12) with g = table[m, r] table[n, s]: slack and velocity change weighted together.
 
-    table : (3, 3) of the data's type, position slack first, all positive.  Eq. (10) to the letter,
-        Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|), which is no product of a function of
-        m and one of r.
+    Arrays as in :func:`box_forward`; table : (3, 3) of the frames' type, position slack first, all
+    positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|), which
+    is no product of a function of m and one of r.
     """
+    _check_table(table)
+    _check_room(z, I, 1, lowest_velocity, reach)
     rows = np.empty((I.shape[1], z.shape[1] * z.shape[2]), I.dtype)
-    _fill(rows.reshape(rows.size), -np.inf)
+    _fill(_flat(rows), -np.inf)
     _start(z, I)
     for k in range(1, len(z)):
-        _coupled_stage(I[k - 1], z[k], table, slowest, reach, I[k], rows)
+        _coupled_stage(I[k - 1], z[k], table, lowest_velocity, reach, I[k], rows)
     return I
 
 
-# Back-trace ---------------------------------------------------------------------------------------
-# ------------------------
+# Back-trace
 
 
 @kernel
-def _predecessor(previous, state, position, velocity, slowest, additive):
-    """Predecessor of largest value; operations in the order of the forward pass, the first one wins
-    a tie.
+def _predecessor(previous, state, weights, table, prices, fees, lowest):
+    """Predecessor of largest value, in the forward pass's order; the first one wins a tie.
+
+    Each of four factors g and prices c makes g value - c of a value; g = 0 leaves one out.
+    weights, prices : (2 d + 1,) of the position slacks; table, fees : of the velocity changes, one
+        row for each slack or one for all.
     """
-    V, X, Y = previous.shape[1:]
-    dm, dr = position.size // 2, velocity.size // 2
+    (V, _, X, Y), d, c = previous.shape, weights.size // 2, table.shape[1] // 2
+    each = min(len(table) - 1, 1)  # 0: one row for all slacks
     best, found = -np.inf, (-1, -1, -1, -1)
-    for n in range(-dm, dm + 1):
-        for s in range(-dr, dr + 1):
-            w = state[1] + s
-            y = state[3] + n - slowest - w
-            if not (0 <= w < V and 0 <= y < Y):
+    for n in range(weights.size):
+        for w in range(max(state[1] - c, 0), min(state[1] + c + 1, V)):
+            s, y = w - state[1] + c, state[3] + n - d - lowest - w
+            if not (weights[n] > 0 and table[n * each, s] > 0 and 0 <= y < Y):
                 continue
-            for m in range(-dm, dm + 1):
-                for r in range(-dr, dr + 1):
-                    u = state[0] + r
-                    x = state[2] + m - slowest - u
-                    if not (0 <= u < V and 0 <= x < X):
+            for m in range(weights.size):
+                for u in range(max(state[0] - c, 0), min(state[0] + c + 1, V)):
+                    r, x = u - state[0] + c, state[2] + m - d - lowest - u
+                    if not (weights[m] > 0 and table[m * each, r] > 0 and 0 <= x < X):
                         continue
-                    a, b, c, d = (
-                        position[n + dm],
-                        velocity[s + dr],
-                        position[m + dm],
-                        velocity[r + dr],
-                    )
-                    if additive:
-                        value = previous[u, w, x, y] - a - b - c - d
-                    elif a > 0 and b > 0 and c > 0 and d > 0:
-                        value = d * (c * (b * (a * previous[u, w, x, y])))
-                    else:
-                        continue
+                    value = weights[n] * previous[u, w, x, y] - prices[n]
+                    value = table[n * each, s] * value - fees[n * each, s]
+                    value = weights[m] * value - prices[m]
+                    value = table[m * each, r] * value - fees[m * each, r]
                     if value > best:
                         best, found = value, (u, w, x, y)
     return found
 
 
 @kernel
-def _coupled_predecessor(previous, state, table, slowest):
-    """The same for a weight that is a table."""
-    V, X, Y = previous.shape[1:]
-    best, found = -np.inf, (-1, -1, -1, -1)
-    for n in range(-1, 2):
-        for w in range(max(state[1] - 1, 0), min(state[1] + 2, V)):
-            y = state[3] + n - slowest - w
-            for m in range(-1, 2):
-                for u in range(max(state[0] - 1, 0), min(state[0] + 2, V)):
-                    x = state[2] + m - slowest - u
-                    if 0 <= x < X and 0 <= y < Y:
-                        value = table[m + 1, u - state[0] + 1] * (
-                            table[n + 1, w - state[1] + 1] * previous[u, w, x, y]
-                        )
-                        if value > best:
-                            best, found = value, (u, w, x, y)
-    return found
-
-
-@kernel
-def _write(path, k, state):
-    for c in range(4):
-        path[k, c] = state[c]
-
-
-@kernel
-def _path(I, state, position, velocity, slowest, additive):
+def _path(I, state, weights, table, prices, fees, lowest):
+    """States of the best path; see :func:`_predecessor`."""
+    _check_state(I, state, lowest)
     path = np.full((len(I), 4), -1)
-    _write(path, len(I) - 1, state)
-    for k in range(len(I) - 2, -1, -1):
-        state = _predecessor(I[k], state, position, velocity, slowest, additive)
-        if state[0] < 0:
-            break
-        _write(path, k, state)
+    for k in range(len(I) - 1, -1, -1):
+        for axis in range(4):
+            path[k, axis] = state[axis]
+        if k > 0 and state[0] >= 0:
+            state = _predecessor(I[k - 1], state, weights, table, prices, fees, lowest)
     return path
 
 
-def weighted_path_spec(I, state, position, velocity, slowest):
-    """Specification of :func:`weighted_path`: argmax over the list of all predecessors, frame by
-    frame.
-    """
-    return _path_of(I, state, _nan_where_zero(np.outer(position, velocity)), slowest, np.multiply)
+def weighted_path_spec(I, state, position, velocity, lowest_velocity):
+    """Specification of :func:`weighted_path`: argmax over all predecessors, frame by frame."""
+    table = _nan_where_zero(np.outer(position, velocity))
+    return _path_of(I, state, table, lowest_velocity, np.multiply)
 
 
+@_one_type
 @kernel
-def weighted_path(I, state, position, velocity, slowest):
-    """Eqs. (13), (19): the best path that ends in ``state``, under box_forward (velocity = ones(1))
-    or weighted_forward.
+def weighted_path(I, state, position, velocity, lowest_velocity):
+    """Eqs. (13), (19): the best path that ends in ``state``.
 
-    I : (K, V, V, X, Y) value maps of K frames, of which the last one is not looked at; state : (iv,
-        jv, i, j) in frame K, i and j counted in the margin layout.  Returns states of the same
-        form, (K, 4) of int; four times -1 from where no predecessor can be reached.
+    Of box_forward (velocity = ones(1)) or weighted_forward.  I : (K, V, V, X, Y) value maps of K
+    frames, the last of which is not read; state : (iv, jv, i, j) in frame K, i and j counted with
+    the margin.  Returns states of the same form, (K, 4) of int; four times -1 from where no
+    predecessor can be reached.  Raises ValueError for arrays that do not fit or another state.
     """
-    return _path(I, state, position, velocity, slowest, np.bool_(False))
+    _check_window(position)
+    _check_window(velocity)
+    table = velocity.reshape(1, velocity.size)
+    return _path(I, state, position, table, 0 * position, 0 * table, lowest_velocity)
 
 
-def penalised_path_spec(I, state, position, velocity, slowest):
-    """Specification of :func:`penalised_path`: argmax over the list of all predecessors, frame by
-    frame.
-    """
-    return _path_of(I, state, np.add.outer(position, velocity), slowest, np.subtract)
+def penalised_path_spec(I, state, position, velocity, lowest_velocity):
+    """Specification of :func:`penalised_path`: argmax over all predecessors, frame by frame."""
+    return _path_of(I, state, np.add.outer(position, velocity), lowest_velocity, np.subtract)
 
 
+@_one_type
 @kernel
-def penalised_path(I, state, position, velocity, slowest):
+def penalised_path(I, state, position, velocity, lowest_velocity):
     """The best path that ends in ``state`` under penalised_forward; see :func:`weighted_path`."""
-    return _path(I, state, position, velocity, slowest, np.bool_(True))
+    _check_three(position, velocity)
+    table = velocity.reshape(1, 3)
+    ones = np.ones_like(position), np.ones_like(table)
+    return _path(I, state, *ones, position, table, lowest_velocity)
 
 
-def coupled_path_spec(I, state, table, slowest):
-    """Specification of :func:`coupled_path`: argmax over the list of all predecessors, frame by
-    frame.
-    """
-    return _path_of(I, state, table, slowest, np.multiply)
+def coupled_path_spec(I, state, table, lowest_velocity):
+    """Specification of :func:`coupled_path`: argmax over all predecessors, frame by frame."""
+    return _path_of(I, state, table, lowest_velocity, np.multiply)
 
 
+@_one_type
 @kernel
-def coupled_path(I, state, table, slowest):
+def coupled_path(I, state, table, lowest_velocity):
     """The best path that ends in ``state`` under coupled_forward; see :func:`weighted_path`."""
-    path = np.full((len(I), 4), -1)
-    _write(path, len(I) - 1, state)
-    for k in range(len(I) - 2, -1, -1):
-        state = _coupled_predecessor(I[k], state, table, slowest)
-        if state[0] < 0:
-            break
-        _write(path, k, state)
-    return path
+    _check_table(table)
+    ones = np.ones_like(table[0])
+    return _path(I, state, ones, table, 0 * ones, 0 * table, lowest_velocity)

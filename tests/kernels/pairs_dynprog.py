@@ -5,7 +5,7 @@ import numpy as np
 from tbdcore import dynprog
 
 M = 3
-SLOWEST = 1 - M
+LOWEST = 1 - M
 ASIDE = np.array([0.95, 1.0, 0.95])
 LEFT_OUT = np.array([0.0, 1.0, 0.9])
 PRICE = np.array([0.3, 0.0, np.inf])
@@ -25,16 +25,16 @@ def frames(K=3, shape=(9, 7), reach=4, shift=0.0, lost=0.3, seed=3):
     return z
 
 
-def forward(weights, slowest=SLOWEST, reach=4, V=2 * M, **about):
+def forward(weights, lowest_velocity=LOWEST, reach=4, V=2 * M, **about):
     """Arguments of a forward pass."""
     z = frames(reach=reach, **about)
-    return z, *weights, slowest, reach, np.full((len(z), V, V, *z.shape[1:]), np.nan)
+    return z, *weights, lowest_velocity, reach, np.full((len(z), V, V, *z.shape[1:]), np.nan)
 
 
-def back(weights, state, slowest=SLOWEST, V=2 * M, **about):
+def back(weights, state, lowest_velocity=LOWEST, V=2 * M, **about):
     """Arguments of a path back through four value maps that need not come from any forward pass."""
     I = frames(K=4 * V * V, **about)
-    return I.reshape(4, V, V, *I.shape[1:]), state, *weights, slowest
+    return I.reshape(4, V, V, *I.shape[1:]), state, *weights, lowest_velocity
 
 
 DATA = (
@@ -44,11 +44,11 @@ DATA = (
 BOXES = (
     (np.ones(7), 0, 1, 3),
     (np.ones(1), 0, 1, 2),
-    (np.array([0.0, 1, 1]), SLOWEST, 6, 4),
-    (np.ones(3), SLOWEST, 6, 5),
+    (np.array([0.0, 1, 1]), LOWEST, 6, 4),
+    (np.ones(3), LOWEST, 6, 5),
 )
 BOXES += tuple((np.ones(n), 0, 1, n // 2) for n in (5, 9, 11, 19, 29)) + (
-    (np.array([0.0, 1, 1, 1, 1]), SLOWEST, 6, 5),
+    (np.array([0.0, 1, 1, 1, 1]), LOWEST, 6, 5),
 )
 FAMILIES = (
     ("weighted", (ASIDE, ASIDE)),

@@ -17,7 +17,7 @@ LITERAL = np.array([[A ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-
 
 
 def algorithm(name, M):
-    """(number of velocities, slowest, forward pass, path to a state) of an algorithm with maximum
+    """(number of velocities, lowest_velocity, forward pass, path to a state) of an algorithm with maximum
     speed M; margin M + 1.
     """
     back = dynprog.weighted_path
@@ -304,7 +304,7 @@ def test_bad_frames_are_one_line(frames, message):
 )
 def test_bad_windows_are_one_line(slack):
     with pytest.raises(ValueError, match="position: ") as error:
-        dynprog.weights(slack, "position")
+        dynprog.check_weights(slack, "position")
     assert "\n" not in str(error.value)
 
 
