@@ -1,5 +1,5 @@
-# Two commands; what they run stands in README.md and in .ci/.
-.PHONY: reproduce test environment
+# What these commands run stands in README.md and in .ci/.
+.PHONY: reproduce test verify environment
 
 reproduce: environment
 	@.venv/bin/tbdcore run
@@ -7,6 +7,9 @@ reproduce: environment
 
 test:
 	@sh .ci/test
+
+verify:
+	@sh .ci/verify
 
 environment:
 	@sh .ci/environment

@@ -1,7 +1,7 @@
 """The same digits from one worker and from five, from a dask cluster, and from a second run.
 
 Trials of all five papers by the algorithm cells of their notebooks, to the last bit.  Whole
-notebooks are compared in ``again.py``.
+notebooks are compared in ``quick_products.py``.
 """
 
 import numpy as np

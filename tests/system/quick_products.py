@@ -1,12 +1,12 @@
-"""Every notebook again, and every product: what the processes of this machine, one for each core,
-left in build/quick.
+"""Whole notebooks with a few trials, by other workers and on another kind of CPU.
 
-By one process and by five, one notebook, byte by byte.  By a dask cluster of five workers on
-another kind of CPU, all of them, byte by byte too; only in a PNG may one value of ten thousand be
-one step of colour off.  The other CPU is the least that there is (``other_cpu``), with kernels of
-its own; its numbers could differ in the last bit of a sum, and what is written must not. Run by
-``.ci/test`` after ``tbdcore run --quick``, whose products it compares; not collected with the other
-tests.
+The reference is build/quick, which the processes of this machine made, one for each core.  One
+notebook is run by one process and by five: its products must have the same bytes.  All notebooks
+are run by a dask cluster of five workers on another kind of CPU: the same bytes too, but that in a
+PNG one value of ten thousand may be one step of colour off.  The other CPU is the least that there
+is (``other_cpu``), with kernels of its own; the last bit of a sum may differ there, and what is
+written must not.  `make verify` runs this file by its name after ``tbdcore run --quick``; pytest
+does not collect it otherwise.
 """
 
 import subprocess
@@ -23,8 +23,8 @@ CACHE = paths.BUILD / "other_cpu"
 CLUSTER = """
 from distributed import LocalCluster
 
-options = {"n_workers": 5, "threads_per_worker": 1, "processes": False, "protocol": "tcp", "host": "127.0.0.1"}
-with LocalCluster(**options, dashboard_address=None) as cluster:
+where = {"protocol": "tcp", "host": "127.0.0.1", "dashboard_address": None}
+with LocalCluster(n_workers=5, threads_per_worker=1, processes=False, **where) as cluster:
     print(cluster.scheduler_address, flush=True)
     input()
 """

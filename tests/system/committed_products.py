@@ -1,18 +1,17 @@
-"""The committed products against those of a fresh execution of the notebooks, and what is made from
-them.
+"""The committed products against those of a fresh execution of the notebooks, and the scorecard.
 
-`make test` executes the notebooks with nbval first, their products in build/nbval, and then runs
-this file by its name (``pytest`` by name); it is not collected otherwise.  Data, tables and
-verdicts must agree line by line; the last of six digits may differ by one, since on another CPU a
-sum may end in another bit.  A PNG may differ in one value of ten thousand by one step of
-colour.  Products and sources belong together: their hash must agree.
+`make test` executes the notebooks with nbval, whose products go to build/nbval, and then runs this
+file by its name; pytest does not collect it otherwise.  Data, tables and verdicts must agree line
+by line; the last of six digits may differ by one, since on another CPU a sum may end in another
+bit.  In a PNG one value of ten thousand may differ by one step of colour.  The digest in every
+record must be that of the present sources.
 """
 
 import json
 import re
 
 import pytest
-from again import alike
+from quick_products import alike
 
 from tbdcore.repro import claims, cli, pages, paths
 
@@ -31,13 +30,13 @@ def text_files(folder):
 
 
 def lines(path):
-    """Lines of a file; of a JSON file without the parts that tell versions apart."""
+    """Lines of a file; of a record without versions and digest."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".json":
         about = {
             key: value
             for key, value in json.loads(text).items()
-            if key not in ("versions", "sources")
+            if key not in ("versions", "digest")
         }
         text = json.dumps(about, indent=1, ensure_ascii=False)
     return text.splitlines()
@@ -57,13 +56,14 @@ def same(ours, theirs):
 
 
 def first_difference(committed, fresh):
-    """The first line in which two files differ, told in words, or nothing."""
+    """The first line in which two files differ, or an empty string."""
+    name = committed.relative_to(paths.ROOT)
     ours, theirs = lines(committed), lines(fresh)
     for number, (a, b) in enumerate(zip(ours, theirs, strict=False), start=1):
         if not same(a, b):
-            return f"{committed.relative_to(paths.ROOT)}, line {number}: committed {a!r}, computed again {b!r}"
+            return f"{name}, line {number}: committed {a!r}, computed again {b!r}"
     if len(ours) != len(theirs):
-        return f"{committed.relative_to(paths.ROOT)}: committed {len(ours)} lines, computed again {len(theirs)}"
+        return f"{name}: committed {len(ours)} lines, computed again {len(theirs)}"
     return ""
 
 
@@ -94,11 +94,9 @@ def test_every_product_is_complete(paper):
 
 @pytest.mark.parametrize("paper", PAGES)
 def test_products_were_made_from_these_sources(paper):
-    made = {
-        json.loads(about.read_text(encoding="utf-8"))["sources"]
-        for about in (paths.PRODUCTS / paper).glob("*.json")
-    }
-    assert made == {pages.sources(paper)}, (
+    records = (paths.PRODUCTS / paper).glob("*.json")
+    made = {json.loads(record.read_text(encoding="utf-8")).get("digest") for record in records}
+    assert made == {pages.digest(paper)}, (
         f"the sources have changed since; refresh: tbdcore run {paper} --in-place"
     )
 
