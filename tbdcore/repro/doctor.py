@@ -162,7 +162,7 @@ def _draw(seed, i):
     from tbdcore import kalman
 
     rng = _stream(seed, i)
-    return kalman.predict_cv(rng.standard_normal(4), rng.standard_normal((4, 4)), 2.0, 3.0)[1]
+    return kalman.predict_cv(rng.standard_normal(4), np.diag(rng.random(4)), 2.0, 3.0)[1]
 
 
 CHECKS = {
