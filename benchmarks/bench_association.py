@@ -13,11 +13,11 @@ import importlib.util
 import math
 
 import numpy as np
-from tests.peer_jpda import our_marginals, peer_marginals, scan
 
 import tbdcore
 from benchmarks.timing import Row, best
 from tbdcore import association, detection, kalman, motion
+from tests.kernels.peer_jpda import our_marginals, peer_marginals, scan
 
 PEER = "Stone Soup JPDA"
 
@@ -37,7 +37,7 @@ def numpy_trial(z, p, x, P, F, amplitude):
         scan = slice(z.first[k], z.first[k + 1])
         x, P = kalman.predict_tracks_spec(x, P, F[k - 1], Q)
         zhat, _, D = kalman.gate_tracks_spec(x, P, p.sigma_r**2, var_a)
-        meas, log_p = association.candidates_spec(z.z[scan], zhat, D, p.gamma, p.p_gate)
+        meas, log_p = association.gate_spec(z.z[scan], zhat, D, p.gamma, p.p_gate)
         log_a = detection.amplitude_ratio_spec(z.u[scan][meas], amplitude)
         beta, existence = association.ljipda_spec(
             log_p - math.log(p.clutter), log_a, p.p11 * existence, detect
@@ -60,7 +60,7 @@ def peer_rows():
         seconds = best(our_marginals, where, plots)
         peer = best(peer_marginals, where, plots, repeat=2) if known else None
         yield Row(
-            "association.candidates, jipda",
+            "association.gate, jipda",
             f"scan of {T} tracks, {M} plots",
             seconds,
             None,

@@ -63,7 +63,7 @@ def fly_many(scene, z, d):
         zhat, H = kalman.polar(x), kalman.polar_jacobian(x)
         R = ((zhat[:, :1] / d.r0) ** 4 * var)[:, None] * np.eye(2)
         D = kalman.innovation_covariance(P, H, R)
-        half = kalman.rectangle(d.g, D)
+        half = kalman.gate_half_widths(d.g, D)
         cells = np.prod(2 * half, axis=1) / math.prod(d.cell)
         P_f = np.full(len(x), d.p_cell) if d.p_cell else np.minimum(d.P_Z / cells, 1.0)
         y = kalman.residual(plots[alive, k + 2], zhat)
@@ -103,7 +103,7 @@ def fly_filterpy(scene, z, d):
         ekf.predict()
         zhat, H = kalman.polar(ekf.x), kalman.polar_jacobian(ekf.x)
         ekf.R = np.diag((zhat[0] / d.r0) ** 4 * var)
-        half = kalman.rectangle(d.g, kalman.innovation_covariance(ekf.P, H, ekf.R))
+        half = kalman.gate_half_widths(d.g, kalman.innovation_covariance(ekf.P, H, ekf.R))
         P_f = d.p_cell or min(d.P_Z * math.prod(d.cell) / np.prod(2 * half), 1.0)
         y = kalman.residual(plots[k + 2], zhat)
         if scene.lam[k] > -math.log(P_f) and (abs(y) <= half).all():

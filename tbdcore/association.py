@@ -1,12 +1,11 @@
-"""Which plot came from which track: gating, joint marginals, and the approximations that avoid the
-joint events.
+"""Data association: gating, exact joint marginals, and approximations without joint events.
 
 A scan gives plots z_1..z_M; T tracks predict where theirs should be.  A track t that exists with
 probability P^t and is detected inside its gate with probability D^t = P_D P_W either causes exactly
-one plot or none; a plot has at most one track; the rest is Poisson clutter of density
-lambda.  Everything a tracker needs from the scan is then contained in
+one plot or none; a plot has at most one track; the rest is Poisson clutter of density lambda.
+Everything a tracker needs from the scan is the array ``log_ratio`` (T, M),
 
-    l[t, m] = ln p^t(z_m) - ln lambda        log_ratio, shape (T, M), -inf where plot m is outside the gate of track t
+    l[t, m] = ln p^t(z_m) - ln lambda        -inf where plot m is outside the gate of track t
 
 and every associator here has the same form, (log_ratio, existence, detect) -> (beta, existence):
 
@@ -14,12 +13,12 @@ and every associator here has the same form, (log_ratio, existence, detect) -> (
     beta[t, m]     probability that plot m - 1 is; each row sums to one
     existence[t]   probability that the target exists, given the scan
 
-=================  ==========================================================================  =====================
-``ipda``           each track alone, as if all other plots were clutter                        exact for one track
-``jipda``          exact marginals over all joint events, by a recursion over track subsets    O(M T 2^T), no event list
-``ljipda``         each track alone, plots discounted by their *visibility* (the paper)        O(M T)
-``modulated``      each track alone, the other tracks added to the clutter density (LM)        O(M T)
-=================  ==========================================================================  =====================
+=============  ================================================================  =============
+``ipda``       each track alone, as if all other plots were clutter              exact for one
+``jipda``      exact marginals over all joint events, by track subsets           O(M T 2^T)
+``ljipda``     each track alone, plots discounted by their *visibility* (paper)  O(M T)
+``modulated``  each track alone, the other tracks added to the clutter density   O(M T)
+=============  ================================================================  =============
 
 The exact marginals need no list of events.  Go through the plots one by one and keep, for every
 subset A of tracks, the summed weight F_m(A) of all ways in which the first m plots use exactly the
@@ -30,8 +29,15 @@ up, and the marginal of (t, m) is w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t
 Nothing overflows.  Amplitude ratios reach exp(700) and multiply over tracks, so weights stay
 logarithms until the dual variables of the best single assignment have been added to them: after
 that every factor is at most one and the best joint event weighs exactly one, so that what
-underflows is below 1e-300 of the sum.  References: Musicki, Evans and Stankovic (1994) for IPDA;
-Musicki and Evans (2004) for JIPDA; Musicki and La Scala (2008) for the modulated density.
+underflows is below 1e-300 of the sum.
+
+Valid are float arrays with existence and detect in [0, 1] and log ratios of at most 1e9 in size, or
+-inf; the kernels raise ValueError for anything else.  Zero tracks and zero plots are valid.  A
+certain track (existence and detect both 1) must have a plot, or ValueError is raised; a track that
+is impossible after the scan gets existence 0 and beta[t, 0] = 1.
+
+References: Musicki, Evans and Stankovic (1994) for IPDA; Musicki and Evans (2004) for JIPDA;
+Musicki and La Scala (2008) for the modulated density.
 """
 
 import itertools
@@ -45,61 +51,71 @@ MAX_TRACKS = 16  # tracks in one joint association: 2^16 subsets per plot, 0.5 M
 
 
 def check(z, D, existence, detect, density, joint=True):
-    """Raise ValueError, in one line, for what no associator can work with.
+    """Raise ValueError for input with which a tracker cannot work.
 
     ``z`` (M, 2) plots, ``D`` (T, 2, 2) covariances, ``existence`` and ``detect`` (T,)
     probabilities, ``density`` the clutter density per m^2; ``joint`` is whether the tracks go
-    through :func:`jipda` together.
+    through :func:`jipda` together.  A NaN or infinite plot is refused here.
     """
-    _check_plots(np.asarray(z, float))
-    for t, S in enumerate(np.asarray(D, float)):
-        if not np.isfinite(S).all() or np.linalg.eigvalsh(S)[0] <= 0:
-            raise ValueError(
-                f"association: the covariance of track {t} is singular or not positive; "
-                f"give positive variances"
-            )
+    z, D = np.asarray(z, float), np.asarray(D, float)
+    T = len(existence)
+    if z.ndim != 2 or z.shape[1] != 2:
+        raise ValueError(f"association: plots of shape {z.shape}; give one row of x and y per plot")
+    for m in np.flatnonzero(~np.isfinite(z).all(axis=1)):
+        raise ValueError(f"association: plot {m} is {z[m].tolist()}, not finite; remove it")
+    if D.shape != (T, 2, 2) or np.shape(detect) != (T,):
+        raise ValueError(f"association: give covariances and detection for each of {T} tracks")
+    for t, S in enumerate(D):
+        if not (np.isfinite(S).all() and S[0, 1] == S[1, 0] and np.linalg.eigvalsh(S)[0] > 0):
+            raise ValueError(f"association: the covariance of track {t} is singular; correct it")
     for name, values in (("existence", existence), ("detection", detect)):
         for t, p in enumerate(np.asarray(values, float)):
             if not 0 < p < 1:
                 raise ValueError(
-                    f"association: {name} probability {p:g} of track {t} is not in (0, 1); "
-                    f"correct it"
+                    f"association: {name} probability {p:g} of track {t} not in (0, 1)"
                 )
-    if not (np.isfinite(density) and density > 0):
-        raise ValueError(
-            f"association: clutter density {density:g} must be positive; "
-            f"give false plots per square metre"
-        )
-    if joint and len(existence) > MAX_TRACKS:
-        raise ValueError(
-            f"association: {len(existence)} tracks in one jipda, the limit is {MAX_TRACKS}; "
-            f"split them into clusters"
-        )
-
-
-def _check_plots(z):
-    """Raise ValueError unless z is (M, 2) and finite."""
-    if z.ndim != 2 or z.shape[1] != 2:
-        raise ValueError(f"association: plots of shape {z.shape}; give one row of x and y per plot")
-    bad = np.flatnonzero(~np.isfinite(z).all(axis=1))
-    if bad.size:
-        raise ValueError(
-            f"association: plot {bad[0]} is {z[bad[0]].tolist()}, not finite; "
-            f"remove it before gating"
-        )
+    if not 0 < density < math.inf:
+        raise ValueError(f"association: clutter density {density:g} per m^2 must be positive")
+    if joint and T > MAX_TRACKS:
+        raise ValueError(f"association: {T} tracks in one jipda, the limit is {MAX_TRACKS}; split")
 
 
 @kernel
-def candidates(z, zhat, S, gamma, p_gate):
-    """The plots inside at least one gate, and the gated density of each track at them.
+def _check(log_ratio, existence, detect):
+    """Raise ValueError unless the input of an associator is valid (module docstring)."""
+    T, M = log_ratio.shape
+    if existence.size != T or detect.size != T:
+        raise ValueError("association: give one existence and one detect value for each track")
+    for t in range(T):
+        if not (0.0 <= existence[t] <= 1.0 + 1e-9 and 0.0 <= detect[t] <= 1.0):
+            raise ValueError("association: existence or detect is not in [0, 1]; correct it")
+        for m in range(M):
+            if not log_ratio[t, m] <= 1e9:
+                raise ValueError("association: a log ratio is NaN or above 1e9; correct it")
+
+
+@kernel
+def gate(z, zhat, S, gamma, p_gate):
+    """The plots inside at least one gate, and the log density of each track at these plots.
 
     ``z`` (M, 2) plots in m, ``zhat`` (T, 2) predicted plots, ``S`` (T, 2, 2) innovation covariances
     in m^2, ``gamma`` the gate on the squared Mahalanobis distance, ``p_gate`` the probability mass
     inside it.  Returns ``picked`` (C,), increasing indices into ``z``, and ``log_density`` (T, C),
-    ln of N(z; zhat, S) / p_gate, -inf outside the track's own gate: the paper's eq. (21), truncated
-    to the gate.
+    ln of N(z; zhat, S) / p_gate, -inf outside the track's own gate: eq. (21) of the LJIPDA-AI
+    paper.  Raises ValueError for a NaN and for a covariance that is not positive definite.
     """
+    if z.ndim != 2 or zhat.ndim != 2 or S.ndim != 3 or S.shape != (len(zhat), 2, 2):
+        raise ValueError("association.gate: give plots (M, 2), predictions (T, 2), S (T, 2, 2)")
     M, T = z.shape[0], zhat.shape[0]
+    if z.shape[1] != 2 or zhat.shape[1] != 2:
+        raise ValueError("association.gate: give plots (M, 2), predictions (T, 2), S (T, 2, 2)")
+    if not (0.0 < gamma < np.inf and 0.0 < p_gate <= 1.0):
+        raise ValueError("association.gate: gamma must be positive and p_gate in (0, 1]")
+    for t in range(T):
+        det, skew = S[t, 0, 0] * S[t, 1, 1] - S[t, 0, 1] * S[t, 1, 0], S[t, 0, 1] - S[t, 1, 0]
+        trace = S[t, 0, 0] + S[t, 1, 1]
+        if not (0.0 < p_gate * det < np.inf and trace > 0.0 and abs(skew) <= 1e-9 * trace):
+            raise ValueError("association.gate: a covariance is not positive definite; correct it")
     picked, log_p = np.empty(M, np.int64), np.empty((T, M))
     count = 0
     for m in range(M):
@@ -114,13 +130,15 @@ def candidates(z, zhat, S, gamma, p_gate):
             if d2 <= gamma:
                 log_p[t, count] = -0.5 * d2 - math.log(2.0 * math.pi * p_gate * math.sqrt(det))
                 hit = True
+            elif not d2 > gamma:
+                raise ValueError("association.gate: a plot or a prediction is NaN; remove it")
         if hit:
             picked[count] = m
             count += 1
     return picked[:count].copy(), log_p[:, :count].copy()
 
 
-def candidates_spec(z, zhat, S, gamma, p_gate):
+def gate_spec(z, zhat, S, gamma, p_gate):
     """All Mahalanobis forms at once."""
     nu = z[None, :, :] - zhat[:, None, :]
     d2 = np.einsum("tmi,tij,tmj->tm", nu, np.linalg.inv(S), nu)
@@ -132,13 +150,15 @@ def candidates_spec(z, zhat, S, gamma, p_gate):
 
 @kernel
 def ipda(log_ratio, existence, detect):
-    """Integrated PDA of every track on its own: eqs. (18) and (22) to (24) with every visibility
-    one.
+    """Integrated PDA of each track alone: eqs. (18) and (22) to (24) with every visibility one.
 
-    ``log_ratio`` (T, M), ``existence`` (T,) predicted probabilities, ``detect`` (T,) = P_D
-    P_W.  Returns beta (T, M + 1) and the posterior existence (T,).  1 - delta = 1 - D + D sum_m
-    exp(l[t, m]) is summed relative to its largest term.
+    ``log_ratio`` (T, M), ``existence`` (T,) predicted probabilities, ``detect`` (T,) = P_D P_W.
+    Returns beta (T, M + 1) and the posterior existence (T,).  The sum 1 - delta = 1 - D + D sum_m
+    exp(l[t, m]) is taken relative to its largest term.
     """
+    if log_ratio.ndim != 2:
+        raise ValueError("association.ipda: log_ratio has one row per track, one column per plot")
+    _check(log_ratio, existence, detect)
     T, M = log_ratio.shape
     beta, posterior = np.empty((T, M + 1)), np.empty(T)
     for t in range(T):
@@ -146,6 +166,11 @@ def ipda(log_ratio, existence, detect):
         top = miss
         for m in range(M):
             top = max(top, hit + log_ratio[t, m])
+        if top == -np.inf and existence[t] >= 1.0:
+            raise ValueError("association.ipda: a certain track has no plot; lower its existence")
+        if top == -np.inf:  # impossible: nothing is its plot
+            beta[t], beta[t, 0], posterior[t] = 0.0, 1.0, 0.0
+            continue
         beta[t, 0] = math.exp(miss - top)
         total = beta[t, 0]
         for m in range(M):
@@ -155,8 +180,9 @@ def ipda(log_ratio, existence, detect):
             total += beta[t, m + 1]
         for m in range(M + 1):
             beta[t, m] /= total
-        dead = (1.0 - existence[t]) * math.exp(min(-top, 700.0))
-        posterior[t] = existence[t] * total / (existence[t] * total + dead)
+        dead = max(1.0 - existence[t], 0.0) * math.exp(min(-top, 700.0))
+        alive = existence[t] * total
+        posterior[t] = alive / (alive + dead) if alive > 0.0 else 0.0
     return beta, posterior
 
 
@@ -165,8 +191,9 @@ def ipda_spec(log_ratio, existence, detect):
     L = np.exp(log_ratio)
     delta = detect * (1 - L.sum(axis=1))
     posterior = (1 - delta) * existence / (1 - delta * existence)
-    beta = np.column_stack([1 - detect, detect[:, None] * L]) / (1 - delta)[:, None]
-    return beta, posterior
+    beta = np.column_stack([1 - detect, detect[:, None] * L])
+    beta[:, 0] += beta.sum(axis=1) == 0  # an impossible track: nothing is its plot
+    return beta / beta.sum(axis=1, keepdims=True), posterior
 
 
 @kernel
@@ -174,8 +201,12 @@ def prior_odds(log_ratio, existence, detect):
     """Odds P_m^t / (1 - P_m^t) of the prior (12), shape (T, M), zero outside the gate.
 
     The prior shares D^t P^t among the plots of the gate in proportion to their densities; a common
-    factor of these, such as the clutter density, does not matter.
+    factor of these, such as the clutter density, does not matter.  Raises ValueError where a
+    certain track has a single plot, whose odds are infinite.
     """
+    if log_ratio.ndim != 2:
+        raise ValueError("association: log_ratio has one row per track and one column per plot")
+    _check(log_ratio, existence, detect)
     T, M = log_ratio.shape
     odds = np.zeros((T, M))
     for t in range(T):
@@ -190,6 +221,8 @@ def prior_odds(log_ratio, existence, detect):
         for m in range(M):
             if odds[t, m] > 0.0:
                 prior = detect[t] * existence[t] * odds[t, m] / total
+                if prior >= 1.0:
+                    raise ValueError("association: the prior (12) of a plot is 1; lower existence")
                 odds[t, m] = prior / (1.0 - prior)
     return odds
 
@@ -204,13 +237,12 @@ def prior_odds_spec(log_ratio, existence, detect):
 
 @kernel
 def visibility(log_ratio, existence, detect):
-    """Probability that plot m does not come from a track other than t: eqs. (12) to (16), shape (T,
-    M).
+    """Probability (T, M) that plot m does not come from a track other than t: eqs. (12) to (16).
 
     (14) and (15) condition the independent priors (12) on at most one track per plot.
     """
-    T, M = log_ratio.shape
     odds = prior_odds(log_ratio, existence, detect)
+    T, M = odds.shape
     visible = np.empty((T, M))
     for m in range(M):
         total = 1.0
@@ -230,15 +262,14 @@ def visibility_spec(log_ratio, existence, detect):
 
 @kernel
 def modulated(log_ratio, existence, detect):
-    """Linear multitarget: log ratios in which the other tracks count as clutter, ln p^t - ln
-    Omega^t, shape (T, M).
+    """Linear multitarget: log ratios ln p^t - ln Omega^t (T, M), the other tracks in the clutter.
 
     Omega^t(z_m) = lambda + sum_{j != t} p^j(z_m) P_m^j / (1 - P_m^j), Musicki and La Scala (2008),
     eq. (16), with the prior (12).  ``ipda(modulated(l, P, D), P, D)`` is LM-IPDA; exact for two
     tracks that share one plot.
     """
-    T, M = log_ratio.shape
     odds = prior_odds(log_ratio, existence, detect)
+    T, M = odds.shape
     out, extra = np.empty((T, M)), np.empty(T)
     for m in range(M):
         best = 0
@@ -276,15 +307,16 @@ def modulated_spec(log_ratio, existence, detect):
 
 @kernel
 def ljipda(log_ratio, log_amplitude, existence, detect):
-    """LJIPDA-AI as the paper has it: eqs. (12) to (24); with ``log_amplitude`` zero it is LJIPDA,
-    bit for bit.
+    """LJIPDA-AI, eqs. (12) to (24) of the paper; with ``log_amplitude`` zero it is LJIPDA.
 
     ``log_ratio`` (T, M) = ln p - ln lambda is kinematic and alone sets the visibility;
-    ``log_amplitude`` (T, M) = ln Lambda multiplies the density afterwards, in (18) and (23)
-    only.  Returns beta (T, M + 1) and the posterior existence (T,).
+    ``log_amplitude`` (T, M) = ln Lambda multiplies the density afterwards, in (18) and (23) only.
+    Returns beta (T, M + 1) and the posterior existence (T,).
     """
     visible = visibility(log_ratio, existence, detect)
-    T, M = log_ratio.shape
+    if log_amplitude.ndim != 2 or log_amplitude.shape != log_ratio.shape:
+        raise ValueError("association.ljipda: log_amplitude must have the shape of log_ratio")
+    T, M = visible.shape
     for t in range(T):
         for m in range(M):
             visible[t, m] = log_ratio[t, m] + math.log(visible[t, m]) + log_amplitude[t, m]
@@ -303,12 +335,11 @@ def ljipda_spec(log_ratio, log_amplitude, existence, detect):
 
 @kernel
 def _potentials(log_w, log_miss):
-    """Dual variables (a, v) of the best joint event: every log_w + a + v, log_miss + a and v is at
-    most zero.
+    """Dual variables (a, v) of the best joint event: log_w + a + v, log_miss + a and v are <= 0.
 
-    Shortest augmenting paths on the costs -log_w, with one private column per track for its
-    miss.  Adding sum(a) + sum(v) to the log weight of any joint event leaves the best event at
-    zero.
+    Shortest augmenting paths on the costs -log_w, with one private column per track for its miss.
+    Adding sum(a) + sum(v) to the log weight of any joint event leaves the best event at zero.
+    Raises ValueError where no joint event is possible.
     """
     T, M = log_w.shape
     a, v = np.zeros(T), np.zeros(M + T + 1)  # the last column is the root of the search
@@ -329,6 +360,8 @@ def _potentials(log_w, log_miss):
                         short[j], back[j] = cost, j0
                 if short[j] < delta:
                     delta, j1 = short[j], j
+            if j1 < 0:
+                raise ValueError("association.jipda: a certain track has no plot; lower existence")
             for j in range(M + T):
                 if seen[j]:
                     a[row[j]] += delta
@@ -347,11 +380,10 @@ def _potentials(log_w, log_miss):
 
 @kernel
 def _subset_marginals(w, miss, idle):
-    """Marginals (T, M + 1) of all joint events: factors ``w`` (T, M), ``miss`` (T,), ``idle`` (M,),
-    all at most one.
+    """Marginals (T, M + 1) of all joint events, column 0 the miss.
 
-    Column 0 is the miss.  ``back[m, A]`` sums the completions by the plots m, m + 1, ... when the
-    tracks of A are used.
+    The factors ``w`` (T, M), ``miss`` (T,), ``idle`` (M,) are at most one.  ``back[m, A]`` sums the
+    completions by the plots m, m + 1, ... when the tracks of A are used.
     """
     T, M = w.shape
     full = 1 << T
@@ -397,19 +429,22 @@ def jipda(log_ratio, existence, detect):
     """Joint integrated PDA, exact: the marginals over all joint events, without listing one.
 
     An event weighs prod_{t missed} (1 - D^t P^t) prod_{(t, m)} D^t P^t exp(l[t, m]); given a miss
-    the target exists with probability (1 - D) P / (1 - D P).  Arguments and result as
-    ``ipda``.  Raises ValueError for more than MAX_TRACKS tracks.
+    the target exists with probability (1 - D) P / (1 - D P).  Arguments and result as ``ipda``.
+    Raises ValueError for more than MAX_TRACKS tracks and for more than 1 GB of partial sums.
     """
+    if log_ratio.ndim != 2:
+        raise ValueError("association.jipda: log_ratio has one row per track, one column per plot")
+    _check(log_ratio, existence, detect)
     T, M = log_ratio.shape
-    if T > MAX_TRACKS:
-        raise ValueError(
-            "association.jipda: the limit is 16 tracks (2^16 subsets); split them into clusters"
-        )
+    if T > MAX_TRACKS or (M + 1) << T > 1 << 27:
+        raise ValueError("association.jipda: the limit is 16 tracks and 1 GB; split into clusters")
     log_w, log_miss = np.full((T, M), -np.inf), np.empty(T)
     for t in range(T):
-        log_miss[t] = math.log(1.0 - detect[t] * existence[t])
+        log_miss[t] = math.log(max(1.0 - detect[t] * existence[t], 0.0))
         if existence[t] > 0.0:
             for m in range(M):
+                if -np.inf < log_ratio[t, m] < -1e9:
+                    raise ValueError("association.jipda: a log ratio is below -1e9; make it -inf")
                 log_w[t, m] = math.log(detect[t] * existence[t]) + log_ratio[t, m]
     a, v = _potentials(log_w, log_miss)
     for t in range(T):
@@ -418,7 +453,8 @@ def jipda(log_ratio, existence, detect):
             log_w[t, m] = 0.0 if log_w[t, m] == -np.inf else math.exp(log_w[t, m] + a[t] + v[m])
     beta, posterior = _subset_marginals(log_w, log_miss, np.exp(v)), np.empty(T)
     for t in range(T):
-        beta[t, 0] *= (1.0 - detect[t]) * existence[t] / (1.0 - detect[t] * existence[t])
+        missed = 1.0 - detect[t] * existence[t]
+        beta[t, 0] *= (1.0 - detect[t]) * existence[t] / missed if missed > 0.0 else 0.0
         posterior[t] = 0.0
         for m in range(M + 1):
             posterior[t] += beta[t, m]
@@ -440,8 +476,10 @@ def jipda_spec(log_ratio, existence, detect):
         if len(taken) == len(set(taken)):
             joint[range(T), event] += math.prod(w[t, m] for t, m in enumerate(event))
     joint = joint / joint.sum(axis=1, keepdims=True)
-    joint[:, 0] *= (1 - detect) * existence / (1 - detect * existence)
-    return joint / joint.sum(axis=1, keepdims=True), joint.sum(axis=1)
+    joint[:, 0] *= (1 - detect) * existence / np.maximum(1 - detect * existence, 1e-300)
+    posterior = joint.sum(axis=1)
+    joint[:, 0] += posterior == 0  # an impossible track: nothing is its plot
+    return joint / joint.sum(axis=1, keepdims=True), posterior
 
 
 def events(T, M):
@@ -450,13 +488,15 @@ def events(T, M):
 
 
 def listed_events(inside):
-    """Numbers of joint events to be listed for gates ``inside`` (T, M) bool: cluster by cluster,
-    and in one list of all tracks.
+    """Numbers of joint events for gates ``inside`` (T, M) bool: by cluster, and in one list.
 
     A cluster is connected by shared plots; events of different clusters combine freely.  Within a
     cluster they are counted plot by plot over the sets of tracks served, as ``jipda`` sums their
     weights.
     """
+    if np.ndim(inside) != 2:
+        raise ValueError("association.listed_events: give one row per track, one column per plot")
+    inside = np.asarray(inside, bool)
     todo, counts = set(range(len(inside))), []
     while todo:
         cluster = _cluster(inside, todo.pop())

@@ -5,9 +5,9 @@ lambda is exponential with mean 1; when the cell also holds a Swerling 1 target 
 signal-to-noise ratio S (H1), signal and noise are both complex normal and lambda is exponential
 with mean 1 + S.  One cell, one scan, one decision lambda > eta:
 
-    P_f = exp(-eta)                    ``false_alarm(eta)``      eta = -ln P_f                         ``threshold(P_f)``
-    P_d = exp(-eta / (1 + S))          ``detection(eta, S)``     S = eta / ln(1 / P_d) - 1             ``required_snr(P_d, P_f)``
-        = P_f ** (1 / (1 + S))
+    P_f = exp(-eta)                 eta = -ln P_f                   ``threshold``
+    P_d = exp(-eta / (1 + S))       S = eta / ln(1 / P_d) - 1       ``detection_probability``
+        = P_f ** (1 / (1 + S))                                      ``required_snr``
 
 The amplitude |x| / sigma_n itself is then Rayleigh, with second moment 1 and 1 + S.
 
@@ -15,9 +15,9 @@ What remains of the power above the threshold, lambda - eta, is exponential agai
 noise and 1 + S with a target.  It says how much more a plot looks like the target than like a false
 alarm, ``amplitude_ratio``, whatever the threshold and the false-alarm probability were.
 
-Signal-to-noise ratios are linear power ratios here; ``db`` and ``linear`` convert.  The echo
-weakens with the fourth power of the range, ``radar_equation``.  All of these take scalars or
-arrays.
+Signal-to-noise ratios are linear power ratios here; ``to_db`` and ``from_db`` convert.  The echo
+weakens with the fourth power of the range, ``radar_equation``.  All of these take scalars or arrays
+and raise ValueError for NaN and for values outside the range that they name.
 
 A tracker looks at the cells inside a gate only, and a gate cuts through cells.  ``false_plot``
 draws the false alarms of such a gate, cell by cell and from one uniform number; where the gate is,
@@ -31,55 +31,65 @@ import numpy as np
 
 from tbdcore import kernel
 
-GOLDEN = 0.6180339887498949
+GOLDEN, TINY = 0.6180339887498949, np.finfo(float).tiny
 
 
-def db(ratio):
-    """Power ratio in decibels."""
-    return 10 * np.log10(ratio)
+@kernel
+def _outside(values, low, high):
+    """Index of the first of the values that is not in [low, high], or -1; NaN is not."""
+    for n in range(values.size):
+        if not low <= values[n] <= high:
+            return n
+    return -1
 
 
-def linear(decibels):
-    """Decibels as a power ratio."""
-    return 10 ** (np.asarray(decibels, float) / 10)
+def _within(where, values, low, high):
+    """The values as floats; ValueError unless all are in [low, high]."""
+    values = np.asarray(values, float)
+    n = _outside(values.ravel(), low, high)
+    if n >= 0:
+        value = values.flat[n]
+        raise ValueError(f"detection.{where} {value:g} is not in [{low:g}, {high:g}]; correct it")
+    return values
+
+
+def to_db(ratio):
+    """Power ratio >= 0 in decibels, -inf for 0."""
+    with np.errstate(divide="ignore"):
+        return 10 * np.log10(_within("to_db: power ratio", ratio, 0.0, math.inf))
+
+
+def from_db(decibels):
+    """Decibels, below 1000, as a power ratio."""
+    return 10 ** (_within("from_db: decibels", decibels, -math.inf, 1000.0) / 10)
 
 
 def threshold(p_false):
-    """Threshold eta on lambda = |x|**2 / sigma_n**2 for a false-alarm probability per cell in (0,
-    1].
-
-    Raises ValueError outside that interval.
-    """
-    p_false = np.asarray(p_false, float)
-    if not ((p_false > 0) & (p_false <= 1)).all():
-        raise ValueError(
-            f"detection.threshold: false-alarm probability {p_false.tolist()} is not in (0, 1]"
-        )
-    return -np.log(p_false)
+    """Threshold eta on |x|**2 / sigma_n**2 for a false-alarm probability per cell in (0, 1]."""
+    return -np.log(_within("threshold: false-alarm probability", p_false, TINY, 1.0))
 
 
-def false_alarm(eta):
-    """Probability that noise alone exceeds eta in one cell."""
-    return np.exp(-np.asarray(eta, float))
-
-
-def detection(eta, snr):
-    """Probability that a cell with a Swerling 1 target of mean linear `snr` exceeds eta."""
+def detection_probability(eta, snr):
+    """Probability that a cell with a Swerling 1 target of mean linear `snr` exceeds eta >= 0."""
+    _within("detection_probability: eta", eta, 0.0, math.inf)
+    _within("detection_probability: snr", snr, 0.0, 1e300)
     return np.exp(-np.asarray(eta, float) / (1 + np.asarray(snr, float)))
 
 
 def required_snr(p_detect, p_false):
-    """Mean linear signal-to-noise ratio that a Swerling 1 target needs for p_detect at p_false,
-    both in (0, 1).
-    """
+    """Mean linear SNR that a Swerling 1 target needs for p_detect at p_false <= p_detect."""
+    p_false = _within("required_snr: false-alarm probability", p_false, TINY, 1.0)
+    p_detect = _within("required_snr: detection probability", p_detect, TINY, 1.0 - 1e-15)
+    if (p_detect < p_false).any():
+        raise ValueError("detection.required_snr: p_detect is below p_false; no target is needed")
     return np.log(p_false) / np.log(p_detect) - 1
 
 
 def radar_equation(r, snr0, r0):
-    """Signal-to-noise ratio at range r of a target that has snr0 at r0 (same unit): the
-    fourth-power law.
-    """
-    return snr0 * (r0 / np.asarray(r, float)) ** 4
+    """SNR at range r of a target that has snr0 at r0 (same unit): the fourth-power law."""
+    if not (0 <= snr0 <= 1e100 and 0 < r0 <= 1e100):
+        raise ValueError(f"detection.radar_equation: snr0 {snr0:g} or r0 {r0:g} is not positive")
+    return snr0 * (r0 / _within("radar_equation: range", r, 1e-50 * r0, 1e50 * r0)) ** 4
 
 
 def amplitude_ratio_spec(excess, snr):
@@ -98,8 +108,17 @@ def amplitude_ratio(excess, snr):
     for S = 0.  Its exponential has mean one under noise, but no variance as soon as S >= 1, and
     overflows for strong echoes: add the logarithm.
     """
+    if excess.ndim != 1 or snr.ndim != 1:
+        raise ValueError("detection.amplitude_ratio: give excess (M,) and snr (T,)")
+    bad = False
+    for m in range(excess.size):
+        bad |= not 0.0 <= excess[m] < np.inf
+    if bad:
+        raise ValueError("detection.amplitude_ratio: an excess is negative or not finite")
     out = np.empty((snr.size, excess.size))
     for t in range(snr.size):
+        if not 0.0 <= snr[t] < np.inf:
+            raise ValueError("detection.amplitude_ratio: an SNR is negative or not finite")
         gain, level = snr[t] / (1.0 + snr[t]), math.log(1.0 + snr[t])
         for m in range(excess.size):
             out[t, m] = gain * excess[m] - level
@@ -130,17 +149,26 @@ def false_plot_spec(u, v, centre, half, cell, p_false, nth):
 
 @kernel
 def false_plot(u, v, centre, half, cell, p_false, nth):
-    """The nth false plot inside a rectangular gate that lies over a grid of cells: (found, residual
-    on axis 0, on axis 1).
+    """The nth false plot inside a rectangular gate over a grid of cells: (found, residual (2)).
 
     Cell i fires with probability beta_i p_false, beta_i the share of the cell inside the gate,
-    independently of the others; all of this from one uniform number: if u < q the cell fires and u
-    / q is uniform again, otherwise (u - q) / (1 - q) is.
+    independently of the others; all of this from one uniform number: if u < q the cell fires and
+    u / q is uniform again, otherwise (u - q) / (1 - q) is.
 
     u : float in [0, 1); v : pair of floats in [0, 1), the place inside the cell (turned by the
-        golden section from one false plot to the next). centre, half, cell : pairs, centre and half
-        width of the gate and width of a cell, in m and rad.
+        golden section from one false plot to the next).
+    centre, half, cell : pairs, centre and half width of the gate and width of a cell, in m and rad;
+        a gate holds at most 1e8 cells.
     """
+    if not (0.0 <= p_false <= 1.0 and 0.0 <= u < 1.0 and abs(v[0]) + abs(v[1]) < np.inf):
+        raise ValueError("detection.false_plot: u or p_false is not in [0, 1], or v not finite")
+    cells = 1.0
+    for n in range(2):
+        if not (cell[n] > 0.0 and half[n] >= 0.0 and abs(centre[n]) + half[n] < 1e15 * cell[n]):
+            raise ValueError("detection.false_plot: a cell width is not positive, or a gate NaN")
+        cells *= 2.0 * half[n] / cell[n] + 2.0
+    if cells > 1e8:
+        raise ValueError("detection.false_plot: over 1e8 cells in a gate; enlarge the cells")
     found = 0
     for i in range(
         math.floor((centre[0] - half[0]) / cell[0]), math.ceil((centre[0] + half[0]) / cell[0])

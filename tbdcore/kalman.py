@@ -5,26 +5,26 @@ is ``z`` = [range in m, azimuth in rad], azimuth positive from +x towards +y, fr
 origin.  One scan is
 
     x, P = predict(x, P, F, Q)                        time
-    zhat, H = polar(x), polar_jacobian(x)             where the plot should be, and how it moves with the state
+    zhat, H = polar(x), polar_jacobian(x)             predicted plot, and its derivative
     D = H P H' + R                                    ``innovation_covariance``
     x, P = update(x, P, z - zhat, H, R)               after ``residual`` has wrapped the azimuth
 
-and these five functions take one track or any stack of tracks on leading axes.  A gate is where a
-plot may be:
-``rectangle`` gives the half widths g sqrt(D_jj) of the box of a paper that gates coordinate by
-coordinate,
-``rectangle_volume`` its size in m rad; an ellipse d2 = y' D**-1 y <= gamma has ``mahalanobis`` and
-``ellipse_volume``.
+and these five functions take one track or any stack of tracks on leading axes.  A rectangular gate
+has the half widths g sqrt(D_jj) (``gate_half_widths``) and a size in m rad (``gate_volume``); an
+elliptic gate d2 = y' D**-1 y <= gamma has ``mahalanobis`` and ``ellipse_volume``.
 
 ``two_point``, ``predict_cv``, ``gate_polar`` and ``update_polar`` are the same step compiled: for
-one track, in place, with the zeros of F and H left out, for loops over the frames of a
-trial.  Their specifications are the dense formulas above.
+one track, in place, with the zeros of F and H left out, for loops over the frames of a trial.
+Their specifications are the dense formulas above.
 
-A radar whose plots are turned into metres first (``unbiased``) has a linear measurement of the
-position, with a noise that depends on where the target is: ``gate_tracks`` evaluates it at the
-predicted position of each of several tracks, and
-``predict_tracks`` and ``update_mixture`` take the same stack of tracks through a scan whose plots
-carry association weights.
+A plot that is turned into metres is a linear measurement of the position, whose noise depends on
+where the target is: ``gate_tracks`` evaluates it at the predicted position of each of several
+tracks, and ``predict_tracks`` and ``update_mixture`` take the same stack of tracks through a scan
+whose plots carry association weights.
+
+All functions raise ValueError for shapes that do not fit, for NaN and infinity, for an innovation
+covariance that is not positive definite, and for a target at the radar, where azimuth has no
+meaning.  Inside a kernel ``predict_cv``, ``gate_polar`` and ``update_polar`` check nothing.
 
 The covariance mixes metres, metres per second and ellipses a thousand times longer than wide;
 ``update`` therefore uses Joseph's form, and the compiled one symmetrises by construction.  Start a
@@ -33,28 +33,58 @@ be kilometres off across the line of sight, and an error e there makes the linea
 range by e**2 / 2 r, many range accuracies.  A target that flies along the line of sight is spared.
 """
 
+import functools
 import math
 
 import numpy as np
+from numba import typeof
 
 from tbdcore import kernel
 
 
+def _finite(where, *arrays):
+    """The arrays as floats; ValueError where one has a NaN or an infinity."""
+    arrays = [np.asarray(a, float) for a in arrays]
+    if not all(np.isfinite(a).all() for a in arrays):
+        raise ValueError(
+            f"kalman.{where}: an argument or the result is NaN or infinite; correct it"
+        )
+    return arrays
+
+
+def _positive(where, D):
+    """D as a float array; ValueError unless it is a stack of positive definite matrices."""
+    (D,) = _finite(where, D)
+    try:
+        np.linalg.cholesky(D)
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            f"kalman.{where}: the innovation covariance is not positive definite; "
+            f"give (..., n, n) with positive plot variances"
+        ) from None
+    return D
+
+
 def predict(x, P, F, Q):
     """Mean (..., 4) and covariance (..., 4, 4) one scan later."""
-    return (F @ x[..., None])[..., 0], F @ P @ np.swapaxes(F, -1, -2) + Q
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean, cov = (F @ x[..., None])[..., 0], F @ P @ np.swapaxes(F, -1, -2) + Q
+    _finite("predict", mean, cov)
+    return mean, cov
 
 
 def polar(x):
     """Range (m) and azimuth (rad) of states (..., 4), shape (..., 2)."""
-    x = np.asarray(x)
+    (x,) = _finite("polar", x)
     return np.stack([np.hypot(x[..., 0], x[..., 2]), np.arctan2(x[..., 2], x[..., 0])], axis=-1)
 
 
 def polar_jacobian(x):
     """Derivative of :func:`polar` with respect to the state, shape (..., 2, 4)."""
-    x = np.asarray(x, float)
+    (x,) = _finite("polar_jacobian", x)
     r = np.hypot(x[..., 0], x[..., 2])
+    if not (r > 1e-150).all():
+        raise ValueError("kalman.polar_jacobian: a target at the radar has no azimuth; move it")
     c, s, H = x[..., 0] / r, x[..., 2] / r, np.zeros((*x.shape[:-1], 2, 4))
     H[..., 0, 0], H[..., 0, 2], H[..., 1, 0], H[..., 1, 2] = c, s, -s / r, c / r
     return H
@@ -62,13 +92,14 @@ def polar_jacobian(x):
 
 def cartesian(z):
     """Position (..., 2) in m of plots (..., 2) in range and azimuth."""
-    z = np.asarray(z, float)
+    (z,) = _finite("cartesian", z)
     return z[..., :1] * np.stack([np.cos(z[..., 1]), np.sin(z[..., 1])], axis=-1)
 
 
 def residual(z, zhat):
-    """z - zhat with the azimuth wrapped to [-pi, pi)."""
-    y = np.array(z, float) - zhat
+    """z - zhat (..., 2) with the azimuth wrapped to [-pi, pi)."""
+    z, zhat = _finite("residual", z, zhat)
+    y = z - zhat
     y[..., 1] = (y[..., 1] + np.pi) % (2 * np.pi) - np.pi
     return y
 
@@ -79,54 +110,94 @@ def innovation_covariance(P, H, R):
 
 
 def update(x, P, y, H, R):
-    """Mean and covariance after a residual y (..., n), in Joseph's form.
-
-    Raises numpy.linalg.LinAlgError when the innovation covariance is singular.
-    """
-    HP = H @ P
-    K = np.swapaxes(np.linalg.solve(innovation_covariance(P, H, R), HP), -1, -2)
-    A = np.eye(x.shape[-1]) - K @ H
-    return x + (K @ y[..., None])[..., 0], A @ P @ np.swapaxes(A, -1, -2) + K @ R @ np.swapaxes(
-        K, -1, -2
-    )
+    """Mean and covariance after a residual y (..., n), in Joseph's form."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        HP, D = H @ P, _positive("update", innovation_covariance(P, H, R))
+        K = np.swapaxes(np.linalg.solve(D, HP), -1, -2)
+        A = np.eye(x.shape[-1]) - K @ H
+        mean = x + (K @ y[..., None])[..., 0]
+        cov = A @ P @ np.swapaxes(A, -1, -2) + K @ R @ np.swapaxes(K, -1, -2)
+    _finite("update", mean, cov)
+    return mean, cov
 
 
 def mahalanobis(y, D):
     """Squared distance y' D**-1 y of residuals (..., n)."""
-    return np.sum(y * np.linalg.solve(D, y[..., None])[..., 0], axis=-1)
+    (y,), D = _finite("mahalanobis", y), _positive("mahalanobis", D)
+    with np.errstate(over="ignore"):
+        return np.sum(y * np.linalg.solve(D, y[..., None])[..., 0], axis=-1)
 
 
-def rectangle(g, D):
+def gate_half_widths(g, D):
     """Half widths g sqrt(D_jj) of the rectangular gate, shape (..., n)."""
+    _finite("gate_half_widths", g, D)
+    if not (g > 0 and (np.diagonal(D, axis1=-2, axis2=-1) >= 0).all()):
+        raise ValueError("kalman.gate_half_widths: g and the variances D_jj must be positive")
     return g * np.sqrt(np.diagonal(D, axis1=-2, axis2=-1))
 
 
-def rectangle_volume(g, D):
+def gate_volume(g, D):
     """Size of the rectangular gate, prod_j 2 g sqrt(D_jj)."""
-    return np.prod(2 * rectangle(g, D), axis=-1)
+    return np.prod(2 * gate_half_widths(g, D), axis=-1)
 
 
 def ellipse_volume(gamma, D):
     """Area of the elliptic gate y' D**-1 y <= gamma in two dimensions, pi gamma sqrt(det D)."""
+    D = _positive("ellipse_volume", D)
+    if not 0 < gamma < np.inf:
+        raise ValueError(f"kalman.ellipse_volume: gamma {gamma:g} must be positive and finite")
     return np.pi * gamma * np.sqrt(np.linalg.det(D))
 
 
 def polar_noise(z, R):
-    """Cartesian covariance (2, 2) in m^2 of a plot z = (range, azimuth) whose errors have
-    covariance R (2, 2), to first order.
+    """Covariance (2, 2) in m^2 of a plot z = (range, azimuth) with errors of covariance R (2, 2).
+
+    To first order in the errors: J R J' with the Jacobian J of :func:`cartesian`.
     """
+    z, R = _finite("polar_noise", z, R)
     c, s = math.cos(z[1]), math.sin(z[1])
     J = np.array([[c, -z[0] * s], [s, z[0] * c]])
     return J @ R @ J.T
+
+
+@kernel
+def _rotated(u, v, n, along, across):
+    """:func:`polar_noise` as (xx, xy, yy): variances ``along`` and ``across`` in m^2 of errors
+    along (u, v) and across it, n = u**2 + v**2.
+    """
+    xx, yy = along * u * u + across * v * v, along * v * v + across * u * u
+    return xx / n, (along - across) * u * v / n, yy / n
+
+
+def _checked(compiled):
+    """Let a kernel of one track check its arguments and its result when Python calls it.
+
+    Inside a kernel the compiled function is called as it is: there a check would double its time.
+    """
+
+    @functools.wraps(compiled.py_func)
+    def call(x, P, *numbers):
+        name = compiled.__name__
+        for a, shape in ((x, (4,)), (P, (4, 4))):
+            if not isinstance(a, np.ndarray) or a.dtype.kind != "f" or a.shape != shape:
+                raise ValueError(f"kalman.{name}: give float arrays, state (4,), covariance (4, 4)")
+        _finite(name, x, P, *numbers)
+        if min(np.diag(P)) < 0 or min(numbers[2:] or numbers[1:]) < 0:
+            raise ValueError(f"kalman.{name}: a variance is negative; correct it")
+        with np.errstate(all="ignore"):
+            result = compiled(x, P, *map(float, numbers))
+        _finite(name, *result)
+        return result
+
+    call.py_func, call.stats, call._numba_type_ = compiled.py_func, compiled.stats, typeof(compiled)
+    return call
 
 
 def two_point_spec(z1, z2, var1, var2, T):
     """:func:`two_point` with matrices: both plots to Cartesian coordinates, then a difference."""
     p1, p2 = cartesian(z1), cartesian(z2)
     C1, C2 = polar_noise(z1, np.diag(var1)), polar_noise(z2, np.diag(var2))
-    A = np.kron(
-        np.eye(2), [[0.0, 1.0], [-1 / T, 1 / T]]
-    )  # [p1, p2] on one axis -> [position, velocity]
+    A = np.kron(np.eye(2), [[0.0, 1.0], [-1 / T, 1 / T]])  # [p1, p2] -> [position, velocity]
     both = np.zeros((4, 4))
     both[0::2, 0::2], both[1::2, 1::2] = C1, C2
     return A @ np.array([p1[0], p2[0], p1[1], p2[1]]), A @ both @ A.T
@@ -134,30 +205,26 @@ def two_point_spec(z1, z2, var1, var2, T):
 
 @kernel
 def two_point(z1, z2, var1, var2, T):
-    """Track at the time of the second of two plots T seconds apart: position from the second,
-    velocity from the difference.
+    """Track (x (4,), P (4, 4)) at the time of the second of two plots, T > 0 seconds apart.
 
-    Plots z1, z2 and variances var1, var2 are pairs (range in m, azimuth in rad; m^2, rad^2);
-    returns x (4,), P (4, 4).
+    The position is that of the second plot, the velocity the difference over T.  Plots z1, z2 and
+    variances var1, var2 are pairs (range in m, azimuth in rad; m^2, rad^2).
     """
-    x, P = np.empty(4), np.zeros((4, 4))
+    if len(z1) != 2 or len(z2) != 2 or len(var1) != 2 or len(var2) != 2:
+        raise ValueError("kalman.two_point: plots and variances are pairs, of range and azimuth")
+    if not (T > 0.0 and min(var1[0], var1[1], var2[0], var2[1]) >= 0.0):
+        raise ValueError("kalman.two_point: the time T and the variances must be positive")
+    x, P = np.empty(4), np.empty((4, 4))
     c1, s1, c2, s2 = math.cos(z1[1]), math.sin(z1[1]), math.cos(z2[1]), math.sin(z2[1])
     x[0], x[2] = z2[0] * c2, z2[0] * s2
     x[1], x[3] = (x[0] - z1[0] * c1) / T, (x[2] - z1[0] * s1) / T
-    across1, across2 = z1[0] * z1[0] * var1[1], z2[0] * z2[0] * var2[1]
-    for a, f1, f2, g1, g2 in ((0, c1, c2, c1, c2), (1, c1, c2, s1, s2), (2, s1, s2, s1, s2)):
-        i, j = 2 * (a // 2), 2 * ((a + 1) // 2)  # blocks (0, 0), (0, 2), (2, 2)
-        f = 1.0 if a == 1 else -1.0  # sign of the cross-range term: -sin on x, cos on y
-        h1, h2 = (s1 * c1, s2 * c2) if a == 1 else ((1 - f1 * f1), (1 - f2 * f2))
-        C1 = f1 * g1 * var1[0] - f * h1 * across1
-        C2 = f2 * g2 * var2[0] - f * h2 * across2
-        P[i, j], P[i + 1, j], P[i, j + 1], P[i + 1, j + 1] = C2, C2 / T, C2 / T, (C1 + C2) / T**2
-        P[j, i], P[j, i + 1], P[j + 1, i], P[j + 1, i + 1] = (
-            P[i, j],
-            P[i + 1, j],
-            P[i, j + 1],
-            P[i + 1, j + 1],
-        )
+    first = _rotated(c1, s1, 1.0, var1[0], z1[0] * z1[0] * var1[1])
+    last = _rotated(c2, s2, 1.0, var2[0], z2[0] * z2[0] * var2[1])
+    for n, i, j in ((0, 0, 0), (1, 0, 2), (1, 2, 0), (2, 2, 2)):
+        P[i, j], P[i + 1, j], P[i, j + 1] = last[n], last[n] / T, last[n] / T
+        P[i + 1, j + 1] = (first[n] + last[n]) / T**2
+    if not math.isfinite(x[1] + x[3] + P[1, 1] + P[3, 3]):
+        raise ValueError("kalman.two_point: a plot or the time T is NaN or infinite; correct it")
     return x, P
 
 
@@ -168,10 +235,12 @@ def predict_cv_spec(x, P, T, q):
     return predict(x, P, F, Q)
 
 
+@_checked
 @kernel
 def predict_cv(x, P, T, q):
-    """Constant-velocity prediction in place: x (4,), P (4, 4), T in s, q the power density of the
-    white acceleration in m^2/s^3.
+    """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
+
+    q >= 0 is the power density of the white acceleration on each axis, in m^2/s^3.
     """
     x[0] += T * x[1]
     x[2] += T * x[3]
@@ -197,10 +266,12 @@ def gate_polar_spec(x, P, var_r, var_a):
     return (*polar(x), D[0, 0], D[0, 1], D[1, 1])
 
 
+@_checked
 @kernel
 def gate_polar(x, P, var_r, var_a):
-    """Predicted plot and its covariance: (range, azimuth, D_11, D_12, D_22) for plot variances
-    var_r (m^2), var_a (rad^2).
+    """Predicted plot and its covariance: (range, azimuth, D_11, D_12, D_22).
+
+    ``x`` (4,), ``P`` (4, 4), plot variances ``var_r`` in m^2 and ``var_a`` in rad^2.
     """
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
@@ -215,13 +286,13 @@ def update_polar_spec(x, P, y_r, y_a, var_r, var_a):
     return update(x, P, np.array([y_r, y_a]), polar_jacobian(x), np.diag([var_r, var_a]))
 
 
+@_checked
 @kernel
 def update_polar(x, P, y_r, y_a, var_r, var_a):
-    """Update in place by the residual (y_r in m, y_a in rad) of a plot with variances var_r, var_a:
-    x (4,), P (4, 4).
+    """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
 
-    Range and azimuth errors are independent, so the plot is taken in as two scalar measurements,
-    one after the other: no matrix inverse, and P stays symmetric.
+    Range and azimuth errors are independent, with variances var_r and var_a, so the plot is taken
+    in as two scalar measurements, one after the other: no matrix inverse, and P stays symmetric.
     """
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
@@ -246,14 +317,15 @@ def update_polar(x, P, y_r, y_a, var_r, var_a):
     return x, P
 
 
-def unbiased(z, var_a):
-    """Position (..., 2) in m of plots in range and azimuth whose azimuth variance is var_a (rad^2),
-    without bias.
-
-    The mean of cos(a + error) is cos(a) exp(-var_a / 2): at 45 km and 0.02 rad a plain conversion
-    is 9 m short.
-    """
-    return math.exp(0.5 * var_a) * cartesian(z)
+@kernel
+def _all_finite(mean, cov):
+    """Raise ValueError where means (T, 4) or covariances (T, 4, 4) have a NaN or an infinity."""
+    for t in range(len(mean)):
+        total = 0.0
+        for i in range(4):
+            total += mean[t, i] + cov[t, i, 0] + cov[t, i, 1] + cov[t, i, 2] + cov[t, i, 3]
+        if not abs(total) < np.inf:
+            raise ValueError("kalman: a state, a covariance or a plot is NaN or infinite")
 
 
 def predict_tracks_spec(x, P, F, Q):
@@ -263,10 +335,12 @@ def predict_tracks_spec(x, P, F, Q):
 
 @kernel
 def predict_tracks(x, P, F, Q):
-    """Means (T, 4) and covariances (T, 4, 4) one scan later, each track by its own F (T, 4, 4); Q
-    (4, 4) is common.
-    """
+    """Means (T, 4), covariances (T, 4, 4) one scan later, F (T, 4, 4) by track, Q (4, 4) common."""
+    if x.ndim != 2 or P.ndim != 3 or F.ndim != 3 or Q.ndim != 2:
+        raise ValueError("kalman.predict_tracks: give x (T, 4), P (T, 4, 4), F (T, 4, 4), Q (4, 4)")
     T, FP = x.shape[0], np.empty((4, 4))
+    if x.shape[1] != 4 or P.shape != (T, 4, 4) or F.shape != P.shape or Q.shape != (4, 4):
+        raise ValueError("kalman.predict_tracks: give x (T, 4), P (T, 4, 4), F (T, 4, 4), Q (4, 4)")
     mean, cov = np.zeros((T, 4)), np.empty((T, 4, 4))
     for t in range(T):
         for i in range(4):
@@ -280,6 +354,7 @@ def predict_tracks(x, P, F, Q):
                 cov[t, i, j] = Q[i, j]
                 for l in range(4):
                     cov[t, i, j] += FP[i, l] * F[t, j, l]
+    _all_finite(mean, cov)
     return mean, cov
 
 
@@ -292,25 +367,28 @@ def gate_tracks_spec(x, P, var_r, var_a):
 
 @kernel
 def gate_tracks(x, P, var_r, var_a):
-    """Predicted plots of several tracks in Cartesian coordinates: zhat (T, 2), plot covariances R
-    and D = H P H' + R (T, 2, 2).
+    """Predicted plots zhat (T, 2) in m, plot covariances R and D = H P H' + R (T, 2, 2).
 
     ``x`` (T, 4), ``P`` (T, 4, 4) predicted, ``var_r`` in m^2, ``var_a`` in rad^2.  The noise is
     that of a plot at the predicted position, one R for the gate, the innovation and the gain: with
     the noise at the plot's own position, plots that happen to lie nearer would look more accurate.
     """
+    if x.ndim != 2 or P.ndim != 3 or x.shape[1] != 4 or P.shape != (x.shape[0], 4, 4):
+        raise ValueError("kalman.gate_tracks: give x (T, 4), P (T, 4, 4)")
     T = x.shape[0]
     zhat, R, D = np.empty((T, 2)), np.empty((T, 2, 2)), np.empty((T, 2, 2))
     for t in range(T):
         zhat[t, 0], zhat[t, 1] = x[t, 0], x[t, 2]
         r2 = x[t, 0] * x[t, 0] + x[t, 2] * x[t, 2]
-        across = r2 * var_a
-        R[t, 0, 0] = (var_r * x[t, 0] * x[t, 0] + across * x[t, 2] * x[t, 2]) / r2
-        R[t, 1, 1] = (var_r * x[t, 2] * x[t, 2] + across * x[t, 0] * x[t, 0]) / r2
-        R[t, 0, 1] = R[t, 1, 0] = (var_r - across) * x[t, 0] * x[t, 2] / r2
+        R[t, 0, 0], xy, R[t, 1, 1] = _rotated(x[t, 0], x[t, 2], r2, var_r, r2 * var_a)
+        R[t, 0, 1] = R[t, 1, 0] = xy
         for i in range(2):
             for j in range(2):
                 D[t, i, j] = P[t, 2 * i, 2 * j] + R[t, i, j]
+        if not (r2 > 0.0 and 0.0 < D[t, 0, 0] * D[t, 1, 1] - D[t, 0, 1] * D[t, 1, 0] < np.inf):
+            raise ValueError(
+                "kalman.gate_tracks: an innovation covariance is not positive definite"
+            )
     return zhat, R, D
 
 
@@ -331,20 +409,27 @@ def update_mixture_spec(x, P, D, z, beta):
 
 @kernel
 def update_mixture(x, P, D, z, beta):
-    """Means (T, 4) and covariances (T, 4, 4) of tracks after a scan whose plots carry association
-    weights.
+    """Means (T, 4), covariances (T, 4, 4) after a scan whose plots carry association weights.
 
     ``x``, ``P`` predicted, ``D`` (T, 2, 2) as :func:`gate_tracks` gives it, ``z`` (M, 2) plots in
     m, ``beta`` (T, M + 1) weights, first that of no plot.  The mixture of the updates is replaced
     by its mean and covariance; as all plots share one gain, the spread of the means is the spread
     of the weighted residuals seen through it.
     """
-    T, K = x.shape[0], np.empty((4, 2))
+    if x.ndim != 2 or P.ndim != 3 or D.ndim != 3 or z.ndim != 2 or beta.ndim != 2:
+        raise ValueError("kalman.update_mixture: give x, z, beta as tables, P, D as stacks of them")
+    T, M, K = x.shape[0], z.shape[0], np.empty((4, 2))
+    if x.shape[1] != 4 or P.shape != (T, 4, 4) or D.shape != (T, 2, 2):
+        raise ValueError("kalman.update_mixture: give x (T, 4), P (T, 4, 4), D (T, 2, 2)")
+    if z.shape[1] != 2 or beta.shape != (T, M + 1):
+        raise ValueError("kalman.update_mixture: give plots (M, 2) and weights (T, M + 1)")
     mean, cov = np.empty((T, 4)), np.empty((T, 4, 4))
     for t in range(T):
         det = D[t, 0, 0] * D[t, 1, 1] - D[t, 0, 1] * D[t, 1, 0]
+        if not (det > 0.0 and D[t, 0, 0] > 0.0):
+            raise ValueError("kalman.update_mixture: an innovation covariance is not positive")
         y0, y1, s00, s01, s11 = 0.0, 0.0, 0.0, 0.0, 0.0
-        for m in range(z.shape[0]):
+        for m in range(M):
             b, e0, e1 = beta[t, m + 1], z[m, 0] - x[t, 0], z[m, 1] - x[t, 2]
             y0, y1 = y0 + b * e0, y1 + b * e1
             s00, s01, s11 = s00 + b * e0 * e0, s01 + b * e0 * e1, s11 + b * e1 * e1
@@ -362,20 +447,22 @@ def update_mixture(x, P, D, z, beta):
             g0, g1 = K[i, 0] * s00 + K[i, 1] * s01, K[i, 0] * s01 + K[i, 1] * s11
             for j in range(i, 4):
                 cov[t, i, j] = cov[t, j, i] = P[t, i, j] + g0 * K[j, 0] + g1 * K[j, 1]
+    _all_finite(mean, cov)
     return mean, cov
 
 
 def position_bound(F, R, P, p_detect):
-    """Posterior Cramer-Rao bound (K, T, 4, 4) of tracks whose positions are seen with probability
-    p_detect in each scan.
+    """Posterior Cramer-Rao bound (K, T, 4, 4) of tracks seen with probability p_detect per scan.
 
     ``F`` (K - 1, T, 4, 4) known transitions without process noise, ``R`` (K, T, 2, 2) plot
     covariances at the true positions, ``P`` (T, 4, 4) covariance of the first state, whose scan is
     not measured.  J_k = (F J_{k-1}^-1 F')^-1 + p_detect H' R_k^-1 H.
     """
-    bounds = [P]
+    if not 0 <= p_detect <= 1:
+        raise ValueError(f"kalman.position_bound: p_detect {p_detect:g} is not in [0, 1]")
+    bounds = list(_finite("position_bound", P))
     for step, noise in zip(F, R[1:], strict=True):
         J = np.linalg.inv(step @ bounds[-1] @ np.swapaxes(step, -1, -2))
         J[..., ::2, ::2] += p_detect * np.linalg.inv(noise)
         bounds.append(np.linalg.inv(J))
-    return np.array(bounds)
+    return _finite("position_bound", bounds)[0]

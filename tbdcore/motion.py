@@ -36,37 +36,41 @@ import numpy as np
 from tbdcore import kernel
 
 # Straight and white -------------------------------------------------------------------------------
-# ---------------------
 
 
 def cv(T):
     """Transition matrix (4, 4) of a constant velocity over T seconds, state [x, vx, y, vy]."""
+    _finite("cv", T=T)
     return np.kron(np.eye(2), np.array([[1.0, T], [0.0, 1.0]]))
 
 
 def white_acceleration(T, q):
-    """Covariance (4, 4) of T seconds of white acceleration with power density q, in m^2/s^3, on
-    each axis.
-    """
+    """Covariance (4, 4) of white acceleration of power density q (m^2/s^3) over T seconds."""
+    _finite("white_acceleration", T=T, q=q, least=0.0)
     return q * np.kron(np.eye(2), np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]]))
 
 
 def step_acceleration(T, a):
-    """Covariance (4, 4) of an acceleration of standard deviation a, in m/s^2, that is constant
-    during the T seconds.
-    """
+    """Covariance (4, 4) of T seconds of a constant acceleration of standard deviation a (m/s^2)."""
+    _finite("step_acceleration", T=T, a=a, least=0.0)
     g = np.array([T**2 / 2, T])
     return a**2 * np.kron(np.eye(2), np.outer(g, g))
 
 
+def _finite(where, least=-math.inf, **values):
+    """Raise ValueError unless each value is finite, below 1e50 in size and at least `least`."""
+    for name, value in values.items():
+        if not (abs(value) < 1e50 and value >= least):
+            words = "finite" if least < 0 else "finite and not negative"
+            raise ValueError(f"motion.{where}: {name} is {value:g}; it must be {words}")
+
+
 # Coordinated turn ---------------------------------------------------------------------------------
-# ---------------------
 
 
 def coordinated_turn(omega, T):
-    """Transition matrix (4, 4) of a turn at omega rad/s for T seconds, state [x, vx, y, vy]; exact
-    at omega = 0.
-    """
+    """Transition matrix (4, 4) of a turn at omega rad/s for T seconds; exact at omega = 0."""
+    _finite("coordinated_turn", omega=omega, T=T)
     h = 0.5 * omega * T
     f = T * math.sin(h) / h if h else T
     a, b = f * math.cos(h), f * math.sin(h)
@@ -75,33 +79,36 @@ def coordinated_turn(omega, T):
 
 
 # Regimes ------------------------------------------------------------------------------------------
-# ---------------------
 
 
 def check_transitions(Pi):
-    """Pi as a float array, after checking that it is a square matrix of probabilities whose rows
-    sum to one.
-    """
+    """Pi as a float array; ValueError unless square, with rows of probabilities that sum to 1."""
     Pi = np.asarray(Pi, float)
-    if Pi.ndim != 2 or Pi.shape[0] != Pi.shape[1]:
+    if Pi.ndim != 2 or Pi.shape[0] != Pi.shape[1] or not Pi.size:
         raise ValueError(
-            f"transition matrix: shape {Pi.shape} is not square; "
-            f"give one row and one column per regime"
+            f"transition matrix: shape {Pi.shape} is not square; give a row per regime"
         )
     for a, row in enumerate(Pi):
-        if not (row >= 0).all() or abs(row.sum() - 1.0) > 1e-9:
-            raise ValueError(
-                f"transition matrix: row {a} is {row.tolist()}, not probabilities that sum to 1; "
-                f"correct it"
-            )
+        if not ((row >= 0) & (row <= 1 + 1e-9)).all() or abs(row.sum() - 1.0) > 1e-9:
+            raise ValueError(f"transition matrix: row {a} is no law that sums to 1: {row.tolist()}")
     return Pi
 
 
 @kernel
 def _turn_rate(v, omegas):
-    """The turn rate at the length v along two intervals (2, 2) laid end to end."""
+    """Turn rate at length v of two intervals (2, 2), measured from the start of the first."""
     left = omegas[0, 1] - omegas[0, 0]
     return omegas[0, 0] + v if v <= left else omegas[1, 0] + v - left
+
+
+@kernel
+def _check_intervals(omegas):
+    """Raise ValueError unless omegas holds two finite intervals (2, 2)."""
+    if omegas.shape != (2, 2) or not (
+        -np.inf < omegas[0, 0] <= omegas[0, 1] < np.inf
+        and -np.inf < omegas[1, 0] <= omegas[1, 1] < np.inf
+    ):
+        raise ValueError("motion: the turn rates are two intervals (2, 2), lower end first")
 
 
 def box_states_spec(u, low, width, omegas):
@@ -115,9 +122,12 @@ def box_states_spec(u, low, width, omegas):
 def box_states(u, low, width, omegas):
     """States (n, 5) = [x, vx, y, vy, omega] of a uniform law, from uniform draws u (5, n).
 
-    low, width : (4,) edge and width of the box of positions and velocities; omegas : (2, 2)
-        intervals of the turn rate, hit in proportion to their lengths.
+    low, width : (4,) edge and width of the box of positions and velocities
+    omegas : (2, 2) intervals of the turn rate, chosen in proportion to their lengths
     """
+    if u.ndim != 2 or u.shape[0] != 5 or low.size != 4 or width.size != 4:
+        raise ValueError("motion.box_states: give u (5, n), low (4,), width (4,), omegas (2, 2)")
+    _check_intervals(omegas)
     S, both = np.empty((u.shape[1], 5)), omegas[0, 1] - omegas[0, 0] + omegas[1, 1] - omegas[1, 0]
     for n in range(len(S)):
         for d in range(4):
@@ -127,9 +137,7 @@ def box_states(u, low, width, omegas):
 
 
 def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
-    """Specification of :func:`transition`: a choice by the cumulative row, an interval by its
-    length, a matrix per particle.
-    """
+    """Specification of :func:`transition`: cumulative rows, lengths, one matrix per particle."""
     after, born = np.zeros_like(r), []
     for n, before in enumerate(r):
         ends = np.concatenate([[0.0], np.cumsum(Pi[before])])
@@ -148,24 +156,37 @@ def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
 
 @kernel
 def transition(r, S, Pi, T, u, a, omegas, redraw):
-    """One frame of the chain and of the motion: regimes (N,) afterwards, who is born (B,), and the
-    states, moved **in place**.
+    """One frame of the chain and of the motion: regimes (N,), indices of the born (B,), states.
 
-    r : (N,) int64 regimes, 0 absent, 1 constant velocity, 2 coordinated turn; S : (N, 5) states [x,
-        vx, y, vy, omega].
-    Pi : (3, 3) transition probabilities, rows from; T : s.
-    u : (N,) uniform draws in [0, 1), one for each regime; a : (N, 2) accelerations, constant during
-        the step.
-    omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2; (0, 2): it
-        keeps the one it has. The draw that chose the turn serves once more: within the share of [0,
-        1) that means "turn" it is uniform again.
-    redraw : what comes alive is not moved: its state is the caller's to draw.  If False it goes on
-        from the state it has, and the list of the born is empty.
+    r : (N,) int64 regimes: 0 absent, 1 constant velocity, 2 coordinated turn
+    S : (N, 5) states [x, vx, y, vy, omega], moved **in place**
+    Pi : (3, 3) transition probabilities, rows from
+    T : seconds
+    u : (N,) uniform draws in [0, 1), one for each regime
+    a : (N, 2) accelerations, constant during the step
+    omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2, or (0, 2)
+        to keep the rate.  The draw that chose the turn serves once more: within the share of [0, 1)
+        that means "turn" it is uniform again.
+    redraw : if True, the born are not moved, the caller draws their states; if False they go on
+        from the state they have, and the list of the born is empty
     """
+    if S.ndim != 2 or u.ndim != 1 or a.ndim != 2 or Pi.ndim != 2 or omegas.ndim != 2:
+        raise ValueError("motion.transition: give r (N,), S (N, 5), Pi (3, 3), u (N,), a (N, 2)")
+    if S.shape != (r.size, 5) or u.size != r.size or a.shape != (r.size, 2) or Pi.shape != (3, 3):
+        raise ValueError("motion.transition: give r (N,), S (N, 5), Pi (3, 3), u (N,), a (N, 2)")
+    for i in range(3):
+        if not (Pi[i].min() >= 0.0 and abs(Pi[i].sum() - 1.0) <= 1e-9 and abs(T) < np.inf):
+            raise ValueError("motion.transition: a row of Pi does not sum to 1, or T is not finite")
+    if len(omegas):
+        _check_intervals(omegas)
     after, born, b = np.empty_like(r), np.empty(r.size, np.int64), 0
     first, second, both = Pi[:, 0].copy(), Pi[:, 0] + Pi[:, 1], (omegas[:, 1] - omegas[:, 0]).sum()
     for n in range(r.size):
         before = r[n]
+        if not (0 <= before <= 2 and 0.0 <= u[n] < 1.0):
+            raise ValueError(
+                "motion.transition: a regime is not 0, 1 or 2, or a draw not in [0, 1)"
+            )
         after[n] = int(u[n] >= first[before]) + int(u[n] >= second[before])
         if after[n] == 0:
             continue

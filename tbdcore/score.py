@@ -8,46 +8,55 @@ or n.
 
 **Crossings.**  Papers quote the abscissa at which a curve passes a level: "the SNR for a detection
 probability of 0.5".  ``crossing`` finds it by linear interpolation between the two abscissas around
-the *last downward* passage (a noisy curve may touch the level earlier), and ``crossing_error``
-gives the delta-method standard error
-
-    se(x*) = sqrt( ((1 - w) s1)**2 + (w s2)**2 + 2 w (1 - w) c12 ) / |slope|,
-
-w the weight of the second point, s1 and s2 the standard errors and c12 the covariance of the two
-curve values, which are correlated when the same trials make both.  ``crossings`` does the same for
-many curves at once, one per row, as the replicas of a bootstrap or of the paper's own number of
-trials need it.
+the *last downward* passage (a noisy curve may touch the level earlier); ``crossings`` does the same
+for many curves at once, one per row, as the replicas of a bootstrap need it.
 
 **Lost tracks.**  ``loss_onsets`` says when a track was lost under a stated rule, ``kept_rmse`` what
 the error of the others is, with the influence of each trial on it, from which paired differences
 get their errors.
 
-**Errors.**  ``rmse`` is the root mean square over trials of a Euclidean error; ``ospa`` the
-distance between two finite sets.
+**Sets.**  ``ospa`` is the distance between two finite sets.  **Columns.**  ``column_test`` compares
+a whole column of a table.
+
+All raise ValueError for shapes that do not fit and for values outside the range that they name; NaN
+is valid only where it is said.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc
 
 Z99 = 2.5758293035489004  # half width of a 99 % normal interval
 
 
-def proportion(k, n):
-    """Estimate k / n and its standard error; NaN where n is 0.  Scalars or arrays."""
+def _counts(k, n):
+    """k and n as floats; ValueError unless 0 <= k <= n."""
     k, n = np.asarray(k, float), np.asarray(n, float)
+    if not ((k >= 0) & (k <= n) & (n < np.inf)).all():
+        raise ValueError("score: successes k and trials n must satisfy 0 <= k <= n; correct them")
+    return k, n
+
+
+def proportion(k, n):
+    """Estimate k / n and its standard error; NaN where n is 0.  Scalars or arrays.
+
+    The error is that of the share (k + 1/2) / (n + 1), which is never 0 or 1.
+    """
+    k, n = _counts(k, n)
     with np.errstate(invalid="ignore", divide="ignore"):
-        p = np.where(n > 0, k / n, np.nan)
-        return p, np.sqrt(p * (1 - p) / n)
+        share = (k + 0.5) / (n + 1)
+        return np.where(n > 0, k / n, np.nan), np.sqrt(share * (1 - share) / n)
 
 
 def wilson(k, n, z=Z99):
     """Wilson's interval (low, high) of a proportion; (0, 1) where n is 0.  Scalars or arrays."""
-    k, n = np.asarray(k, float), np.asarray(n, float)
-    centre, half = (
-        k + z * z / 2,
-        z * np.sqrt(np.maximum(k * (n - k), 0) / np.maximum(n, 1) + z * z / 4),
-    )
+    k, n = _counts(k, n)
+    if not 0 < z < 1e50:
+        raise ValueError(f"score.wilson: z is {z:g}; give a positive normal quantile")
+    centre = k + z * z / 2
+    half = z * np.sqrt(np.maximum(k * (n - k), 0) / np.maximum(n, 1) + z * z / 4)
     return (centre - half) / (n + z * z), (centre + half) / (n + z * z)
 
 
@@ -56,47 +65,35 @@ def crossing(x, y, level):
 
     `x` (m,) monotone, `y` (m,) the curve; NaNs in `y` never cross.
     """
-    i, w = _last_passage(np.asarray(y, float), level)
-    return math.nan if i is None else float(x[i] + w * (x[i + 1] - x[i]))
-
-
-def crossing_error(x, y, level, se, correlation=0.0):
-    """Standard error of :func:`crossing` from those of the curve, `se` (m,), and the correlation of
-    neighbouring values.
-    """
-    y, se = np.asarray(y, float), np.asarray(se, float)
-    i, w = _last_passage(y, level)
-    if i is None:
-        return math.nan
-    a, b = (1 - w) * se[i], w * se[i + 1]
-    slope = (y[i + 1] - y[i]) / (x[i + 1] - x[i])
-    return float(math.sqrt(a * a + b * b + 2 * correlation * a * b) / abs(slope))
+    if np.ndim(y) != 1:
+        raise ValueError(f"score.crossing: a curve of shape {np.shape(y)}; give one value per x")
+    return float(crossings(x, y, level)[0])
 
 
 def crossings(x, curves, level):
     """:func:`crossing` of every row of `curves` (n, m); shape (n,)."""
-    return np.array([crossing(x, curve, level) for curve in np.atleast_2d(curves)])
+    x, curves = np.asarray(x, float), np.atleast_2d(np.asarray(curves, float))
+    if x.ndim != 1 or curves.ndim != 2 or curves.shape[1] != x.size:
+        raise ValueError(f"score.crossing: {x.shape} abscissas for {curves.shape} curves")
+    if not ((np.diff(x) > 0).all() or (np.diff(x) < 0).all()):
+        raise ValueError("score.crossing: the abscissas must be monotone, without NaN; sort them")
+    if not (abs(level) <= 1e300 and (abs(x) <= 1e300).all() and not (abs(curves) > 1e300).any()):
+        raise ValueError("score.crossing: a value is infinite; NaN marks a gap in a curve")
+    return np.array([_last_passage(x, y, level) for y in curves])
 
 
-def _last_passage(y, level):
-    """Index i and weight w of the last i with y[i] >= level > y[i + 1]."""
+def _last_passage(x, y, level):
+    """Abscissa between the last i with y[i] >= level > y[i + 1] and the next, or NaN."""
     down = np.flatnonzero((y[:-1] >= level) & (y[1:] < level))
     if not down.size:
-        return None, math.nan
+        return math.nan
     i = int(down[-1])
-    return i, float((y[i] - level) / (y[i] - y[i + 1]))
-
-
-def rmse(error, axis=0):
-    """Root mean square Euclidean length, over `axis`, of errors with components on the last axis;
-    NaNs are left out.
-    """
-    return np.sqrt(np.nanmean(np.sum(np.square(error), axis=-1), axis=axis))
+    w = (y[i] - level) / (y[i] - y[i + 1])
+    return x[i] + w * (x[i + 1] - x[i])
 
 
 def ospa(X, Y, c, p):
-    """Optimal subpattern assignment distance of two finite sets of points, m (Schuhmacher, Vo and
-    Vo 2008).
+    """Optimal subpattern assignment distance of two finite sets (Schuhmacher, Vo and Vo 2008).
 
     X : (m, d), Y : (n, d), either may be empty; c > 0 the price of a point too many; p >= 1 the
         order.
@@ -106,50 +103,60 @@ def ospa(X, Y, c, p):
     The power stands before the assignment: the cheapest pairing of distances is in general not that
     of their p-th powers.
     """
-    from scipy.optimize import (
-        linear_sum_assignment,
-    )  # half a second, which only this distance is worth
+    from scipy.optimize import linear_sum_assignment  # takes half a second, needed only here
 
-    X, Y = np.atleast_2d(X), np.atleast_2d(Y)
+    X, Y = np.atleast_2d(np.asarray(X, float)), np.atleast_2d(np.asarray(Y, float))
     m, n = (0 if A.size == 0 else len(A) for A in (X, Y))
-    if not c > 0 or not p >= 1:
-        raise ValueError(
-            f"ospa: cut-off {c} and order {p}; the cut-off must be positive and the order at least "
-            f"1"
-        )
+    if not c > 0 or not 1 <= p < np.inf or not abs(p * math.log(c)) < 600:
+        raise ValueError(f"ospa: cut-off {c} must be positive, order {p} at least 1, c**p finite")
+    if X.ndim != 2 or Y.ndim != 2 or (m and n and X.shape[1] != Y.shape[1]):
+        raise ValueError(f"ospa: sets of shapes {X.shape} and {Y.shape}; give (m, d) and (n, d)")
+    if not (np.isfinite(X).all() and np.isfinite(Y).all()):
+        raise ValueError("ospa: a point is NaN or infinite; remove it")
     if min(m, n) == 0:
         return 0.0 if max(m, n) == 0 else float(c)
-    cost = np.minimum(np.linalg.norm(X[:, None] - Y[None], axis=-1), c) ** p
+    with np.errstate(over="ignore"):
+        cost = np.minimum(np.linalg.norm(X[:, None] - Y[None], axis=-1), c) ** p
     return float(
         ((cost[linear_sum_assignment(cost)].sum() + c**p * abs(m - n)) / max(m, n)) ** (1 / p)
     )
 
 
 def ospa_bernoulli(x, existence, truth, c, threshold=0.5):
-    """OSPA (...,) of at most one estimate and at most one target, where every order p gives the
-    same number.
+    """OSPA (...,) of at most one estimate and one target; every order p gives the same number.
 
-    x : (..., d) estimates, empty sets where existence (...,) is at or below the threshold; truth :
-        (..., d), NaN for no target. Both empty: 0.  One empty: c.  Neither: the distance, at most
-        c.
+    x : (..., d) estimates, empty sets where existence (...,) is at or below the threshold
+    truth : (..., d), NaN for no target
+
+    Both empty: 0.  One empty: c.  Neither: the distance, at most c.
     """
-    declared, present = np.asarray(existence) > threshold, ~np.isnan(truth[..., 0])
-    distance = np.minimum(np.sqrt(np.sum(np.square(x - truth), axis=-1)), c)
+    x, existence, truth = (np.asarray(a, float) for a in (x, existence, truth))
+    if x.shape != truth.shape or x.shape[:-1] != existence.shape or not x.ndim:
+        raise ValueError("ospa_bernoulli: give x (..., d), existence (...,), truth (..., d)")
+    if not 0 < c < np.inf or np.isnan(existence).any():
+        raise ValueError(f"ospa_bernoulli: cut-off {c} must be positive, and no existence NaN")
+    declared, present = existence > threshold, ~np.isnan(truth[..., 0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance = np.minimum(np.sqrt(np.sum(np.square(x - truth), axis=-1)), c)
+    if np.isnan(distance[declared & present]).any():
+        raise ValueError("ospa_bernoulli: a declared estimate or its target has a NaN; remove it")
     return np.where(declared & present, distance, np.where(declared | present, float(c), 0.0))
 
 
-# Tracks that may be lost
-# -----------------------------------------------------------------------------------------------
+# Tracks that may be lost --------------------------------------------------------------------------
 
 
 def loss_onsets(error, distance, scans, after=0):
-    """Scan index at which a track is lost, shape (..., T), and the number of scans K where it never
-    is.
+    """Scan index at which a track is lost, shape (..., T); the number of scans K where it never is.
 
     `error` (..., K, T, 2).  Lost: farther than `distance` in `scans` scans running, none of them
     before index `after`; the onset is the first of them.  A track that comes back counts as lost
     all the same.
     """
+    if np.ndim(error) < 3 or error.shape[-1] != 2 or np.isnan(error).any():
+        raise ValueError("score.loss_onsets: give errors (..., K, T, 2) without NaN")
+    if not (distance > 0 and scans >= 1 and after >= 0):
+        raise ValueError("score.loss_onsets: give distance > 0, scans >= 1, after >= 0")
     far = np.hypot(error[..., 0], error[..., 1]) > distance
     far[..., :after, :] = False
     if far.shape[-2] < scans:
@@ -159,13 +166,15 @@ def loss_onsets(error, distance, scans, after=0):
 
 
 def kept_rmse(error, kept):
-    """RMSE by scan, track and axis over the trials in which a track was kept, and what each trial
-    contributes to it.
+    """RMSE by scan, track and axis over the trials that kept a track, and its influences.
 
-    `error` (n, K, T, 2), `kept` (n, T) bool.  Returns the RMSE (K, T, 2) and its influences (n, K,
-    T, 2): their standard deviation over sqrt(n) is the standard error, of the RMSE or, after
-    averaging, subtracting or both, of means and paired differences. NaN where no trial is kept.
+    `error` (n, K, T, 2), `kept` (n, T) bool.  Returns the RMSE (K, T, 2) and the influence (n, K,
+    T, 2) of each trial on it: their standard deviation over sqrt(n) is the standard error, of the
+    RMSE or, after averaging, subtracting or both, of means and paired differences.  NaN where no
+    trial is kept.
     """
+    if np.ndim(error) != 4 or kept.shape != (len(error), error.shape[2]) or not len(error):
+        raise ValueError("score.kept_rmse: give errors (n, K, T, 2) and kept (n, T)")
     with np.errstate(invalid="ignore", divide="ignore"):
         weight = (kept / kept.mean(axis=0))[:, None, :, None]
         square = np.where(kept[:, None, :, None], weight * np.square(error), 0.0)
@@ -174,5 +183,35 @@ def kept_rmse(error, kept):
 
 
 def influence_error(influence):
-    """Standard error over the leading axis of influences (n, ...)."""
+    """Standard error over the leading axis of influences (n, ...), n >= 1."""
+    if not len(influence):
+        raise ValueError("score.influence_error: no trial; give at least one")
     return np.std(influence, axis=0) / math.sqrt(len(influence))
+
+
+# A column of a table -----------------------------------------------------------------------------
+
+
+class Column(NamedTuple):
+    """A column of measured less printed values: its mean, the error and z of it, and chi2's p."""
+
+    shift: float
+    se: float
+    z: float
+    p: float
+
+
+def column_test(measured, printed, covariance, ratio, half=0.0):
+    """Whether a table's column, taken as a whole, agrees with ours.
+
+    measured, printed : (r,); covariance : (r, r) of our values, which share scenes; ratio : our
+    number of trials over the paper's, whose covariance is ours times it; half : half of the last
+    printed digit, an error uniform within it.  The mean difference tests for a common shift; p is
+    that of d' C**-1 d, chi-square with r degrees of freedom.
+    """
+    d = np.asarray(measured, float) - np.asarray(printed, float)
+    C = np.asarray(covariance, float) * (1.0 + ratio) + np.eye(d.size) * half**2 / 3.0
+    if C.shape != (d.size, d.size) or not np.isfinite(C).all() or ratio < 0:
+        raise ValueError("column_test: give (r,) values, a finite (r, r) covariance, a ratio >= 0")
+    shift, se = float(d.mean()), float(np.sqrt(C.sum())) / d.size
+    return Column(shift, se, shift / se, float(chdtrc(d.size, d @ np.linalg.solve(C, d))))

@@ -100,9 +100,9 @@ CASES += [
 ]
 CASES += [
     (
-        f"candidates {T}x{M}",
-        association.candidates,
-        association.candidates_spec,
+        f"gate {T}x{M}",
+        association.gate,
+        association.gate_spec,
         lambda T=T, M=M: _gates(T + M, T, M),
     )
     for T, M in ((1, 0), (1, 1), (3, 200), (2, 40))
@@ -143,5 +143,47 @@ CASES += [
             kalman.update_mixture_spec,
             lambda T=T: _weighted(T, T, 0),
         ),
+    )
+]
+
+
+def _degenerate():
+    """Certain detection, certain and dead tracks, tracks without a plot, no track at all."""
+    inf, one, sure = np.inf, np.array([1.0, 1.0]), np.array([0.5, 1.0])
+    plots = np.array([[0.5, 1.0, -inf], [2.0, -inf, -3.0]])
+    yield "certain detection", plots, sure, one
+    yield "certain tracks and detection", plots, one, one
+    yield "certain detection, empty gate", np.array([[1.0], [-inf]]), np.array([1.0, 0.5]), one
+    yield "dead and never detected", plots, np.array([0.0, 0.7]), np.array([0.9, 0.0])
+    yield "no track", np.empty((0, 3)), np.empty(0), np.empty(0)
+
+
+CASES += [
+    (f"{name}, {about}", getattr(association, name), getattr(association, f"{name}_spec"), args)
+    for about, *scene in _degenerate()
+    for name in ("ipda", "jipda")
+    for args in [lambda scene=scene: scene]
+]
+CASES += [
+    (
+        f"gate, {about}",
+        association.gate,
+        association.gate_spec,
+        lambda z=z: (np.array(z), np.zeros((2, 2)), np.array([np.eye(2)] * 2), 4.0, 1.0),
+    )
+    for about, z in (
+        ("on its edge", [[2.0, 0.0], [0.0, -2.0], [np.nextafter(2.0, 3.0), 0.0]]),
+        ("every plot outside", [[5.0, 5.0], [-9.0, 0.0]]),
+        ("an infinite plot", [[np.inf, 0.0], [1.0, 1.0]]),
+    )
+]
+CASES += [
+    (f"{k.__name__}, no track", k, s, args)
+    for k, s, args in (
+        (association.gate, association.gate_spec, lambda: _gates(1, 0, 3)),
+        (kalman.predict_tracks, kalman.predict_tracks_spec, lambda: _prediction(1, 0)),
+        (kalman.gate_tracks, kalman.gate_tracks_spec, lambda: (*_tracks(1, 0), 1e4, 1e-7)),
+        (kalman.update_mixture, kalman.update_mixture_spec, lambda: _weighted(1, 0, 2)),
+        (*AMPLITUDE, lambda: (np.ones(3), np.empty(0))),
     )
 ]

@@ -29,3 +29,11 @@ CASES = [
     for draw in DRAWS
     for nth in (0, 1)
 ]
+
+CASES += [  # a gate on cell borders, an empty gate, certain and impossible false alarms
+    _case("between borders", ((75.0, 0.01745), (75.0, 0.01745)), 0.3, 1.0, 0),
+    _case("empty", ((75.0, 0.01), (0.0, 0.0)), 0.0, 0.5, 0),
+    _case("no false alarm", GATES["over four cells"], 0.0, 0.0, 0),
+    _case("every cell", GATES["over four cells"], 0.0, 1.0, 3),
+    _case("after the last", GATES["over four cells"], 0.5, 0.02, 7),
+]

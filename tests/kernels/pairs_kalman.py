@@ -68,3 +68,23 @@ CASES = [
         ),
     )
 ]
+CASES += [
+    (
+        "two_point, plots without error",
+        kalman.two_point,
+        kalman.two_point_spec,
+        lambda: (np.array([9e4, 0.8]), np.array([9.5e4, -3.0]), np.zeros(2), np.zeros(2), 0.5),
+    ),
+    (
+        "predict_cv, no time and no covariance",
+        kalman.predict_cv,
+        kalman.predict_cv_spec,
+        lambda: (np.array([1.0, 2.0, 3.0, 4.0]), np.zeros((4, 4)), 0.0, 0.0),
+    ),
+    (
+        "update_polar, a certain track",
+        kalman.update_polar,
+        kalman.update_polar_spec,
+        lambda: (np.array([1e4, 2.0, 3e4, 4.0]), np.zeros((4, 4)), 30.0, 1e-4, 400.0, 1e-6),
+    ),
+]

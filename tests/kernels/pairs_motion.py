@@ -58,3 +58,17 @@ CASES += [
         lambda: (np.empty((5, 0)), *box(2)[1:]),
     )
 ]
+
+
+def certain(regime, redraw):
+    """Chains that always go to one regime, from every regime, absent particles without a state."""
+    S, r, rng = cloud(30)
+    S[r == 0] = np.nan if redraw or regime == 0 else 0.0
+    Pi = np.tile(np.eye(3)[regime], (3, 1))
+    return r, S, Pi, 0.5, rng.random(30), rng.normal(size=(30, 2)), OMEGAS, redraw
+
+
+CASES += [
+    ("transition", motion.transition, motion.transition_spec, lambda a=args: certain(*a))
+    for args in ((0, True), (1, True), (2, True), (1, False), (2, False))
+]

@@ -25,9 +25,7 @@ def our_marginals(where, plots):
     each plot.
     """
     D = np.broadcast_to(COVARIANCE[::2, ::2] + NOISE, (len(where), 2, 2)).copy()
-    _, log_density = association.candidates(
-        plots, where, D, 1e6, 1.0
-    )  # a gate that holds everything
+    _, log_density = association.gate(plots, where, D, 1e6, 1.0)  # a gate that holds everything
     return association.jipda(
         log_density - np.log(CLUTTER), np.ones(len(where)), np.full(len(where), DETECT)
     )[0]

@@ -274,7 +274,7 @@ def test_gate_holds_its_probability():
     D, gamma = np.array([[[400.0, 150.0], [150.0, 900.0]]]), 9.0
     side = np.linspace(-120, 120, 1201)
     z = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    inside, log_p = association.candidates(z, np.zeros((1, 2)), D, gamma, 1 - math.exp(-gamma / 2))
+    inside, log_p = association.gate(z, np.zeros((1, 2)), D, gamma, 1 - math.exp(-gamma / 2))
     cell = (side[1] - side[0]) ** 2
     assert np.exp(log_p).sum() * cell == pytest.approx(
         1.0, abs=2e-3
@@ -325,14 +325,6 @@ def test_amplitude_information_of_both_hypotheses():
 
 # Tracks in Cartesian coordinates
 # ---------------------------------------------------------------------------------------
-
-
-def test_unbiased_conversion_has_the_right_mean():
-    r, theta, sigma = 45000.0, 0.7, 0.02
-    nodes, weights = np.polynomial.hermite_e.hermegauss(40)
-    plots = np.column_stack([np.full(40, r), theta + sigma * nodes])
-    mean = weights @ kalman.unbiased(plots, sigma**2) / weights.sum()
-    np.testing.assert_allclose(mean, [r * math.cos(theta), r * math.sin(theta)], rtol=1e-12)
 
 
 def test_one_certain_plot_is_a_kalman_update():
@@ -386,18 +378,24 @@ def test_good_input_passes():
         ({"z": np.array([[0.0, np.nan]])}, "plot 0 is .* not finite"),
         ({"z": np.zeros(4)}, "one row of x and y per plot"),
         ({"D": np.array([np.eye(2), np.ones((2, 2))])}, "covariance of track 1 is singular"),
-        ({"D": np.array([np.diag([1.0, np.inf])])}, "covariance of track 0 is singular"),
+        ({"D": np.array([np.diag([1.0, np.inf])] * 2)}, "covariance of track 0 is singular"),
+        ({"D": np.array([np.eye(2)])}, "covariances and detection for each of 2 tracks"),
+        ({"z": np.zeros((3, 3))}, "one row of x and y per plot"),
         (
             {"existence": np.array([0.9, 1.0])},
-            r"existence probability 1 of track 1 is not in \(0, 1\)",
+            r"existence probability 1 of track 1 not in \(0, 1\)",
         ),
         (
             {"detect": np.array([-0.1, 0.9])},
-            r"detection probability -0.1 of track 0 is not in \(0, 1\)",
+            r"detection probability -0.1 of track 0 not in \(0, 1\)",
         ),
-        ({"density": -1e-5}, "clutter density -1e-05 must be positive"),
+        ({"density": -1e-5}, "clutter density -1e-05 per m.2 must be positive"),
         (
-            {"existence": np.full(17, 0.9), "detect": np.full(17, 0.9)},
+            {
+                "existence": np.full(17, 0.9),
+                "detect": np.full(17, 0.9),
+                "D": np.array([np.eye(2)] * 17),
+            },
             "17 tracks in one jipda, the limit is 16",
         ),
     ],

@@ -102,14 +102,14 @@ def test_gate_probability_of_the_noisy_plot():
     rng, g = np.random.default_rng(6), 2.0
     D = np.diag([9.0, 4e-6])
     y = rng.standard_normal((200_000, 2)) * np.sqrt(np.diag(D))
-    inside = (np.abs(y) <= kalman.rectangle(g, D)).all(axis=1).mean()
+    inside = (np.abs(y) <= kalman.gate_half_widths(g, D)).all(axis=1).mean()
     p = stats.chi2.cdf(g * g, 1) ** 2
     assert abs(inside - p) < 4 * np.sqrt(p * (1 - p) / 200_000)
 
 
 def test_gate_volumes():
     D = np.array([[4.0, 1.0], [1.0, 9.0]])
-    assert np.isclose(kalman.rectangle_volume(2.0, D), (2 * 2 * 2) * (2 * 2 * 3))
+    assert np.isclose(kalman.gate_volume(2.0, D), (2 * 2 * 2) * (2 * 2 * 3))
     rng = np.random.default_rng(7)
     points = rng.uniform(-10, 10, (400_000, 2))
     area = 400 * (kalman.mahalanobis(points, np.broadcast_to(D, (400_000, 2, 2))) <= 4.0).mean()

@@ -11,7 +11,8 @@ from tbdcore import score
 def test_proportion_and_its_error():
     p, se = score.proportion([0, 25, 100], 100)
     np.testing.assert_allclose(p, [0, 0.25, 1])
-    np.testing.assert_allclose(se, [0, math.sqrt(0.25 * 0.75 / 100), 0])
+    share = np.array([0.5, 25.5, 100.5]) / 101
+    np.testing.assert_allclose(se, np.sqrt(share * (1 - share) / 100))
     assert np.isnan(score.proportion(0, 0)[0])
 
 
@@ -37,17 +38,24 @@ def test_crossing_is_the_last_downward_one():
     assert score.crossing(np.arange(4.0), [0.9, np.nan, 0.7, 0.3], 0.5) == 2.5
 
 
-def test_crossing_error_against_simulation():
-    rng = np.random.default_rng(8)
-    x, p, n = np.linspace(0, 10, 21), 1 / (1 + np.exp(np.linspace(-3, 3, 21))), 4000
-    curves = rng.binomial(n, p, (3000, 21)) / n
-    spread = np.nanstd(score.crossings(x, curves, 0.41))
-    se = score.crossing_error(x, p, 0.41, np.sqrt(p * (1 - p) / n))
-    assert np.isclose(
-        se, spread, rtol=4 / math.sqrt(2 * 3000)
-    )  # 4 standard errors of a standard deviation
+def test_crossings_are_those_of_the_rows():
+    x, rows = np.arange(3.0), [[1.0, 0.5, 0.0], [0.0, 1.0, 0.2], [0.1, 0.2, 0.3]]
+    np.testing.assert_array_equal(score.crossings(x, rows, 0.6), [0.8, 1.5, np.nan])
 
 
-def test_rmse_of_known_errors():
-    error = np.array([[[3.0, 4.0]], [[0.0, 0.0]], [[np.nan, 1.0]]])
-    np.testing.assert_allclose(score.rmse(error), [math.sqrt(12.5)])
+def test_a_column_of_right_numbers_rarely_differs_and_a_shifted_one_does():
+    """Rows on the same scenes are correlated: both tests keep their level all the same."""
+    rng, r = np.random.default_rng(3), 4
+    C = 0.01 * (0.6 + 0.4 * np.eye(r))
+    root = np.linalg.cholesky(C)
+    found = []
+    for _ in range(4000):
+        ours, paper = root @ rng.standard_normal(r), 2.0 * root @ rng.standard_normal(r)
+        found.append(score.column_test(ours, np.round(paper, 1), C, 4.0, half=0.05))
+    z, p = np.array([(column.z, column.p) for column in found]).T
+    assert abs((np.abs(z) > 1.96).mean() - 0.05) < 4 * math.sqrt(0.05 * 0.95 / 4000)
+    assert abs((p < 0.05).mean() - 0.05) < 4 * math.sqrt(0.05 * 0.95 / 4000) + 0.005
+    shifted = score.column_test(np.ones(r), np.zeros(r), C, 4.0)
+    assert shifted.shift == 1.0
+    np.testing.assert_allclose(shifted.se, math.sqrt(5 * 0.01 * 0.7))
+    assert shifted.p < 1e-4

@@ -44,7 +44,7 @@ def test_frame_false_alarm_probability(page, p):
 def test_traditional_chain_is_the_known_one(page, p):
     """The parameter-free oracle: 14.106 dB joint, 286.69 km entering, 281.69 km after the decision."""
     life, z = page.chain(p, p.cell_pfa), page.truth(p)
-    S, R = detection.db(page.snr(z[2:, 0], p)), z[2:, 0] / 1e3
+    S, R = detection.to_db(page.snr(z[2:, 0], p)), z[2:, 0] / 1e3
     assert round(score.crossing(S, life.detected, 0.5), 3) == 14.106
     assert round(score.crossing(R, life.entering, 0.5), 2) == 286.69
     assert round(score.crossing(R, life.after, 0.5), 2) == 281.69
