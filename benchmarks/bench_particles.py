@@ -73,8 +73,8 @@ NUMPY = {
     "transition": transition,
     "box_states": motion.box_states_spec,
     "systematic": particles.systematic_spec,
-    "select": particles.select_spec,
-    "copies": particles.copies_spec,
+    "resample": particles.resample_spec,
+    "copy_particles": particles.copy_particles_spec,
 }
 
 
@@ -96,8 +96,12 @@ def kernels():
     yield motion.transition, motion.transition_spec, (r, S.copy(), PI, 1.0, u, a, omegas, True)
     yield motion.box_states, motion.box_states_spec, (rng.random((5, N)), low, width, omegas)
     yield particles.systematic, particles.systematic_spec, (W, N // 2, 0.3)
-    yield particles.select, particles.select_spec, (lw, N // 2, 0.3)
-    yield particles.copies, particles.copies_spec, (r, S, particles.systematic(W, N // 2, 0.3))
+    yield particles.resample, particles.resample_spec, (lw, N // 2, 0.3)
+    yield (
+        particles.copy_particles,
+        particles.copy_particles_spec,
+        (r, S, particles.systematic(W, N // 2, 0.3)),
+    )
 
 
 def trials():

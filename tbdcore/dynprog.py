@@ -95,10 +95,10 @@ def check_weights(slack, name="slack"):
 
     Valid are an odd number of finite weights, none negative, the middle one positive.
     """
-    slack = np.atleast_1d(np.asarray(slack, dtype=float))
-    if slack.ndim != 1 or slack.size % 2 == 0:
+    slack = checks.reals(name, np.atleast_1d(slack), "2 d + 1").astype(float)
+    if slack.size % 2 == 0:
         raise ValueError(
-            f"{name}: shape {slack.shape}, an even window or none; "
+            f"{name}: {slack.size} weights, an even window, have no middle; "
             f"give 2 d + 1 weights for slacks -d..d"
         )
     if not (np.isfinite(slack).all() and (slack >= 0).all() and slack[slack.size // 2] > 0):
@@ -116,7 +116,8 @@ def _one_type(compiled):
     def call(*args):
         types = [a.dtype for a in args if type(a) is np.ndarray]
         try:
-            if types.count(types[0]) == len(types) and types[0].char in "fd":
+            one = types.count(types[0]) == len(types) and types[0].char in "fd"
+            if one and list not in map(type, args):
                 return compiled(*args)
         except (NumbaError, IndexError, OverflowError):
             pass

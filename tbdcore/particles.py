@@ -1,44 +1,43 @@
-"""Particles: weights on the log scale, resampling, moments, and the existence of a target that may
-not be there.
+"""Particles: weights on the log scale, resampling, and the probability of existence.
 
 A filter of this repository carries ``N`` particles: states ``S`` of shape (N, d), one row each, and
 one weight each.  What the data say about particle n arrives as a log-weight ``lw[n]``, because one
-frame can be worth a factor e**30 and forty frames in a row overflow a float.  What is ever needed
-of weights:
+frame can be worth a factor e**30 and forty frames in a row overflow a float.
 
-=======================  ==============================================================================================
-``normalise(lw)``        the weights ``W``, which sum to one, and the log of the mean un-normalised weight
-``effective_size(W)``    1 / sum W**2: how many equal weights would be worth as much, from 1 (degenerate) to N
-``moments(S, W)``        weighted mean (d,) and covariance (d, d)
-``select(lw, M, u)``     the first two and the resampling below, in one pass
-``copies(r, S, n)``      the resampled particles, their number in each regime, and the mean state of the living
-=======================  ==============================================================================================
+==============================  ==================================================================
+``normalise(lw)``               the weights ``W``, which sum to one, and the log of the mean weight
+``effective_size(W)``           1 / sum W**2, from 1 (degenerate) to N (equal weights)
+``systematic(W, M, u)``         ancestors of M resampled particles
+``resample(lw, M, u)``          the three above in one pass
+``copy_particles(r, S, n)``     the resampled particles, their number in each regime, the mean state
+==============================  ==================================================================
 
-The mean un-normalised weight is the useful one of them: if a particle cloud stands for "the target
-is present" and its un-normalised weights are likelihood ratios against "nothing is there", then
-their mean is the likelihood ratio of the two hypotheses, and the probability of existence follows
-by two lines of algebra, the Bernoulli recursion
+If a particle cloud stands for "the target is present" and its un-normalised weights are likelihood
+ratios against "nothing is there", then their mean is the likelihood ratio L of the two hypotheses,
+and the probability of existence P follows by the Bernoulli recursion
 
     predict   P' = p_birth (1 - P) + p_survive P                    ``existence_predict``
     update    P  = P' L / (1 - P' + P' L),   L = mean ratio         ``existence_update``
 
-``systematic`` resampling turns weighted particles into M equal ones.  The weights are laid end to
-end on a line of length one, M arrows fall on it at a spacing of 1/M with one common random offset
-``u``, and ``ancestors[m]`` is the particle that arrow m hits.  Particle n gets floor(M W[n]) or
+Systematic resampling turns weighted particles into M equal ones.  The weights are laid end to end
+on a line, M arrows fall on it at equal spacing with one common random offset ``u``, and
+``ancestors[m]`` is the particle that arrow m hits.  Particle n gets floor(M W[n]) or
 floor(M W[n]) + 1 copies, M W[n] on average, and none if its weight is zero.  The sum of W need not
-be one to the last bit: the arrows are spread over the sum as it was accumulated, and one that
-rounding would carry past the end hits the last particle of positive weight.
+be one: the arrows are spread over the sum as it was accumulated, and one that rounding would carry
+past the end hits the last particle of positive weight.
 
-The offset is an argument, so the kernel is a function of numbers: one draw ``rng.random()`` by the
-caller belongs to one frame of one trial.  Not here: what a state means (``motion``), what a cell
-says (``sensor``), when to resample (the notebooks).
+The offset is an argument, one draw ``rng.random()`` of the caller.  All functions raise ValueError
+for NaN, for shapes that do not fit and for indices outside their array.  Not here: what a state
+means (``motion``), what a cell says (``sensor``), when to resample (the notebooks).
 """
 
 import math
 
 import numpy as np
 
-from tbdcore import kernel
+from tbdcore import checks, kernel
+
+LEAST, MOST = 1e-200, 1e200  # sum of weights: beyond these the spacing of the arrows is lost
 
 
 def normalise(lw):
@@ -47,14 +46,15 @@ def normalise(lw):
     lw : (N,) log un-normalised weights, -inf allowed, NaN or +inf not.
     Returns W (N,), summing to one, and log_mean = log(sum exp(lw) / N).
     """
-    lw = np.asarray(lw, float)
+    lw = checks.reals("log-weights", lw, "N")
     top = lw.max(initial=-np.inf)
     if not np.isfinite(top):
         raise ValueError(
             f"log-weights: largest of {lw.size} is {top}; "
             f"at least one must be finite and none NaN or inf"
         )
-    W = lw - top
+    with np.errstate(over="ignore"):  # a difference beyond 1e308 is -inf
+        W = lw - top
     np.exp(W, out=W)
     total = W.sum()
     W /= total
@@ -63,30 +63,30 @@ def normalise(lw):
 
 def effective_size(W):
     """Kish's effective number of particles, 1 / sum W**2, for weights (N,) that sum to one."""
+    W = checks.reals("weights", W, "N")
+    checks.within("weights", W, 0.0, 1.0 + 1e-6)
+    if not abs(W.sum() - 1.0) < 1e-3:
+        raise ValueError(f"weights: sum of {W.size} is {W.sum():g}, not 1; normalise them first")
     return float(1.0 / np.dot(W, W))
-
-
-def moments(S, W):
-    """Weighted mean (d,) and covariance (d, d) of the states S (N, d) under weights W (N,) that sum
-    to one.
-    """
-    mean = W @ S
-    D = S - mean
-    return mean, (W[:, None] * D).T @ D
 
 
 def existence_predict(P, p_birth, p_survive):
     """Probability of existence one frame ahead: a two-state Markov chain."""
-    return p_birth * (1.0 - P) + p_survive * P
+    for name, value in (("P", P), ("p_birth", p_birth), ("p_survive", p_survive)):
+        checks.number(f"existence: {name}", value, 0.0, 1.0 + 1e-9)  # sums of probabilities round
+    return min(p_birth * (1.0 - P) + p_survive * P, 1.0)
 
 
 def existence_update(P, log_ratio):
-    """Probability of existence after a frame whose log-likelihood ratio, present against absent, is
-    log_ratio.
+    """Probability of existence after a frame; log_ratio: log-likelihood ratio, present to absent.
 
     In odds: P / (1 - P) is multiplied by exp(log_ratio); written so that no exponential can
-    overflow.
+    overflow.  A certain P, 0 or 1, stays.
     """
+    checks.number("existence: P", P, 0.0, 1.0)
+    checks.number("existence: log-likelihood ratio", log_ratio, -np.inf, np.inf)
+    if P in (0.0, 1.0):
+        return P
     if log_ratio > 0.0:
         return P / (P + (1.0 - P) * np.exp(-log_ratio))
     ratio = np.exp(log_ratio)
@@ -100,34 +100,50 @@ def systematic_spec(W, M, u):
     return np.minimum(np.searchsorted(C, (np.arange(M) + u) * (C[-1] / M), side="right"), last)
 
 
-@kernel
 def systematic(W, M, u):
     """Systematic resampling: the ancestors (M,), in ascending order.
 
-    W : (N,) weights, non-negative, at least one positive; their sum is taken as it comes.
-    M : number of copies wanted.
-    u : offset in [0, 1), one draw.
+    W : (N,) weights, finite, none negative, one at least positive; they need not sum to one.
+    M : number of particles wanted; u : offset in [0, 1), one draw.
+    """
+    W, M = checks.reals("weights", W, "N"), checks.integer("M", M, 0)
+    _check_offset(u)
+    total = _total(W)
+    if not LEAST <= total <= MOST:
+        raise ValueError(
+            f"weights: one of {W.size} is negative, NaN or infinite, or their sum is not between "
+            f"{LEAST:g} and {MOST:g}; normalise them first"
+        )
+    return _arrows(W, total, M, u)
+
+
+def _check_offset(u):
+    if not (isinstance(u, float) and 0.0 <= u < 1.0):
+        raise ValueError(f"offset u: {u!r} is not in [0, 1); give rng.random()")
+
+
+@kernel
+def _total(W):
+    """Sum of the weights; NaN if one is NaN or negative."""
+    total = 0.0
+    for w in W:
+        total += w if w >= 0.0 else np.nan
+    return total
+
+
+@kernel
+def _arrows(W, total, M, u):
+    """The ancestors of :func:`systematic`, given the sum of the weights.
 
     Particle n is an ancestor until its end, the cumulative sum, has passed the arrow.  So the ends
     are counted between the arrows, and the ancestor of an arrow is the number of ends before it: no
     branch depends on where the weight is.
     """
-    total = 0.0
-    for w in W:
-        total += w
-    return _arrows(W, total, M, u)
-
-
-@kernel
-def _arrows(W, total, M, u):
-    """The ancestors of :func:`systematic`, given the sum of the weights."""
     last = W.size - 1
     while last > 0 and W[last] <= 0.0:
         last -= 1
     step, dense = total / M, M / total
-    passed = np.zeros(
-        M + 1, np.int64
-    )  # passed[m]: particles that end between arrow m - 1 and arrow m
+    passed = np.zeros(M + 1, np.int64)  # [m]: particles that end between arrow m - 1 and arrow m
     c = 0.0
     for n in range(last):
         c += W[n]
@@ -145,22 +161,36 @@ def _arrows(W, total, M, u):
     return ancestors
 
 
-def select_spec(lw, M, u):
-    """Specification of :func:`select`: normalise, then resample."""
+def resample_spec(lw, M, u):
+    """Specification of :func:`resample`: normalise, then resample."""
     W, _ = normalise(lw)
     ancestors = systematic_spec(W, M, u)
     return ancestors, effective_size(W), len(set(ancestors))
 
 
-@kernel
-def select(lw, M, u):
-    """Systematic resampling from log-weights lw (N,): ancestors (M,), ascending, effective size,
-    number of different ancestors.
+def resample(lw, M, u):
+    """Systematic resampling from log-weights lw (N,), M and u as in :func:`systematic`.
 
-    The weights are left un-normalised, which changes neither result.  A log-weight of exactly 0,
-    that of every absent particle, has its exponential taken once for all.
+    Returns ancestors (M,), ascending; effective size; number of different ancestors.  The weights
+    stay un-normalised, which changes neither result.
     """
-    top = lw.max()
+    lw, M = checks.reals("log-weights", lw, "N"), checks.integer("M", M, 0)
+    _check_offset(u)
+    ancestors, size, different = _resample(lw, M, u)
+    if not size > 0.0:
+        raise ValueError(
+            "log-weights: one is NaN or inf, or none is finite; correct the frame or the particles"
+        )
+    return ancestors, size, different
+
+
+@kernel
+def _resample(lw, M, u):
+    """The loops of :func:`resample`; size 0 for invalid log-weights.
+
+    A log-weight of exactly 0, that of every absent particle, has its exponential taken once.
+    """
+    top = lw.max() if lw.size else -np.inf
     W, zero = np.empty(lw.size), math.exp(-top)
     total = squares = 0.0
     for n in range(lw.size):
@@ -168,38 +198,47 @@ def select(lw, M, u):
         total += w
         squares += w * w
     if not total > 0.0:
-        raise ValueError(
-            "log-weights: one is NaN or inf, or none is finite; correct the frame or the particles"
-        )
+        return np.empty(0, np.int64), 0.0, 0
     ancestors = _arrows(W, total, M, u)
-    different = 1
+    different = min(M, 1)
     for m in range(1, M):
         different += int(ancestors[m] != ancestors[m - 1])
     return ancestors, total * total / squares, different
 
 
-def copies_spec(r, S, ancestors):
-    """Specification of :func:`copies`: fancy indices, masks and means."""
+def copy_particles_spec(r, S, ancestors):
+    """Specification of :func:`copy_particles`: fancy indices, masks and means."""
     r, S = r[ancestors], S[ancestors]
     mean = S[r > 0].mean(axis=0) if r.any() else np.full(S.shape[1], np.nan)
     return r, S, np.bincount(r, minlength=3), mean
 
 
-@kernel
-def copies(r, S, ancestors):
-    """The ancestors' (M,) copies of regimes r (N,) and states S (N, d); the copies' number in each
-    of the regimes 0 (absent), 1 and 2; and the mean state (d,) of those that live, NaN if none
-    does: Miao and Chen's equations (11) and (12).
+def copy_particles(r, S, ancestors):
+    """Copies of the ancestors (M,): their regimes and states, and what the filter reads of them.
+
+    r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states.  Returns regimes (M,), states (M, d),
+    the number in each regime (3,), and the mean state (d,) of those present, NaN if none is: Miao
+    and Chen's equations (11) and (12).
     """
+    r = checks.integers("regimes", r, "N")
+    S = checks.reals("states", S, r.size, "d")
+    regimes, states, counts, mean = _copy(r, S, checks.integers("ancestors", ancestors, "M"))
+    if counts[0] < 0:
+        raise ValueError("particles: regimes must be 0, 1 or 2, ancestors 0 to N - 1")
+    return regimes, states, counts, mean
+
+
+@kernel
+def _copy(r, S, ancestors):
+    """The loop of :func:`copy_particles`; counts of -1 for an invalid ancestor or regime."""
     M, d = ancestors.size, S.shape[1]
-    regimes, states, counts, total = (
-        np.empty(M, r.dtype),
-        np.empty((M, d)),
-        np.zeros(3, np.int64),
-        np.zeros(d),
-    )
+    regimes, states = np.empty(M, r.dtype), np.empty((M, d))
+    counts, total = np.zeros(3, np.int64), np.zeros(d)
     for m in range(M):
         n = ancestors[m]
+        if not (0 <= n < r.size and 0 <= r[n] <= 2):
+            counts[0] = -1
+            break
         a = regimes[m] = r[n]
         counts[a] += 1
         for i in range(d):
@@ -208,22 +247,25 @@ def copies(r, S, ancestors):
     return regimes, states, counts, total / (M - counts[0])
 
 
-# Ancestors' history -------------------------------------------------------------------------------
-# ---------------------
+# Ancestors' history
 #
-# A particle's state has a past: the states of its ancestors, a candidate track.  What was read
-# along that track in the last
-# `window` frames is kept in H (window, s, N), s samples a frame, particles last; frame k stands in
-# row k mod window, whatever the
-# age of the particle, so that a frame is written in one piece and only the particles move in
-# resampling.
+# A particle's past, the states of its ancestors, is a candidate track.  What was read along that
+# track in the last `window` frames is kept in H (window, s, N), s samples a frame, particles last.
+# Frame k stands in row k mod window, whatever the age of the particle, so that a frame is written
+# in one piece and only the particles move in resampling.
 
 
 def record(H, age, k, sample):
-    """Enter what every particle read in frame k, in place: sample (s, N) into row k mod window of
-    H; age (N,) grows by one.
+    """Write what every particle read in frame k, in place, and increase age (N,) by one.
+
+    sample : (s, N), into row k mod window of H (window, s, N).
     """
-    H[k % len(H)] = sample
+    if H.ndim != 3 or not len(H) or H.shape[1:] != np.shape(sample) or age.shape != H.shape[2:]:
+        raise ValueError(
+            f"history: sample {np.shape(sample)} and age {age.shape} do not fit history {H.shape}; "
+            f"give (s, N), (N,) and (window, s, N), window at least 1"
+        )
+    H[checks.integer("frame k", k, 0) % len(H)] = sample
     age += 1
 
 
@@ -235,14 +277,23 @@ def inherit_spec(H, age, ancestors, births):
     )
 
 
-@kernel
 def inherit(H, age, ancestors, births):
-    """History and age after resampling: those of the `ancestors` (M,), followed by `births`
-    particles that have none.
+    """History and age after resampling: those of the ancestors (M,), then those of new particles.
 
-    H : (window, s, N), s samples a frame; age : (N,) frames recorded since birth.
-    Returns new arrays, (window, s, M + births) and (M + births,).
+    H : (window, s, N), s samples a frame; age : (N,) frames recorded since birth; births : number
+    of particles without a history.  Returns new arrays, (window, s, M + births) and (M + births,).
     """
+    H, age = checks.reals("history", H, "window", "s", "N"), checks.integers("age", age, len(H.T))
+    ancestors, births = (
+        checks.integers("ancestors", ancestors, "M"),
+        checks.integer("births", births, 0),
+    )
+    checks.within("ancestors", ancestors, 0, age.size - 1)
+    return _inherit(H, age, ancestors, births)
+
+
+@kernel
+def _inherit(H, age, ancestors, births):
     M, size = ancestors.size, ancestors.size + births
     moved, older = np.empty((H.shape[0], H.shape[1], size)), np.zeros(size, age.dtype)
     for i in range(H.shape[0]):
@@ -257,7 +308,8 @@ def inherit(H, age, ancestors, births):
 
 
 def distinct(labels):
-    """Number of different values in a sorted array: of ancestors, or of founders carried along with
-    the particles.
-    """
-    return int(np.count_nonzero(np.diff(labels)) + (len(labels) > 0))
+    """Number of different values in a sorted array: of ancestors, or of founders."""
+    steps = np.diff(labels)
+    if not (steps >= 0).all():
+        raise ValueError("labels: must be in ascending order, none NaN; sort them")
+    return int(np.count_nonzero(steps) + (len(labels) > 0))

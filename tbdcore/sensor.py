@@ -2,32 +2,30 @@
 
 Track-before-detect works on the frame itself.  A frame is an array of cells ``z`` of shape (n_x,
 n_y), or (K, n_x, n_y) for K frames in a row; **the first axis is the first index of the paper** (x,
-or range), the second is the second (y, or azimuth). Papers count cells from 1, arrays from 0: cell
-(i, j) is ``z[i - 1, j - 1]``.  Pictures that show x to the right are pictures of
-``z.T``.
+or range), the second is the second (y, or azimuth).  Papers count cells from 1, arrays from 0: cell
+(i, j) is ``z[i - 1, j - 1]``.  Pictures that show x to the right are pictures of ``z.T``.
 
-Each section below is one kind of sensor, with its signal, its noise, and the two functions that a
-filter needs of it: a simulated frame, and the log-likelihood ratio of "target at this state"
-against "noise only".
+Each section is one kind of sensor: its signal, its noise, a simulated frame, and the log-likelihood
+ratio of "target at this state" against "noise only".
 
-=======================  =====================================================  =============================================
-section                  signal in a cell                                       noise in a cell
-=======================  =====================================================  =============================================
-Gaussian image           h: Gaussian blob, amplitude known                      normal, standard deviation sigma
-point target             all of the target's signal in one cell                 any; standard normal in the paper
-range and azimuth        power of a Gaussian blob, amplitude unknown            exponential power
-=======================  =====================================================  =============================================
+=================  =============================================  ==================================
+section            signal in a cell                               noise in a cell
+=================  =============================================  ==================================
+Gaussian image     h: Gaussian blob, amplitude known              normal, standard deviation sigma
+Point target       all of the target's signal in one cell         any; standard normal in the paper
+Range and azimuth  power of a Gaussian blob, amplitude unknown    exponential power
+=================  =============================================  ==================================
 
-Why a *ratio*, and why a *patch*: cells are independent, so the likelihood of a whole frame is a
-product over cells, and every cell that the target does not reach has the same factor under both
-hypotheses.  Divided by the likelihood of noise these factors are 1, and what remains of a product
-over all cells is one over the few cells around the target.  A target outside the frame illuminates
-nothing, its ratio is 1, its log-ratio 0: the data speak neither for it nor against it.
+Cells are independent, so the likelihood of a frame is a product over cells, and every cell that the
+target does not reach has the same factor under both hypotheses.  In the ratio these factors are 1,
+and the product over all cells is one over a patch around the target.  A target outside the frame
+reaches no cell: the log-ratio is 0, the data speak neither for it nor against it.
 
-For a known signal h and normal noise the log-ratio of one cell is h (2 z - h) / (2
-sigma**2).  Summed over the patch it is normal too, with mean +d**2/2 if the target is there and
--d**2/2 if not, and variance d**2, where d**2 = sum h**2 / sigma**2 is the energy that a matched
-filter collects.  d is all there is to know about the strength of such a target.
+For a known signal h and normal noise the log-ratio of one cell is h (2 z - h) / (2 sigma**2).
+Summed over the patch it is normal too, with mean +d**2/2 if the target is there and -d**2/2 if not,
+and variance d**2, where d**2 = sum h**2 / sigma**2 is the energy that a matched filter collects.
+
+All functions raise ValueError for NaN, for shapes that do not fit and for values out of range.
 """
 
 import math
@@ -37,26 +35,34 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import i0e, i1e
 
-from tbdcore import kernel
+from tbdcore import checks, kernel
+
+HIGH = 1e50  # largest value in a frame, and largest intensity: products stay finite
 
 # Gaussian image: a blob of known amplitude in normal noise
-# ----------------------------------------------------------------
 
 
 def blob_peak(intensity, blur, delta=1.0):
-    """Amplitude of the blob's centre, delta**2 I / (2 pi blur**2), in units of the noise's z."""
+    """Amplitude of the blob's centre, delta**2 I / (2 pi blur**2), in the unit of z.
+
+    blur : standard deviation in cells; delta : cell size; intensity : I, at least 0.
+    """
+    checks.number("intensity", intensity, 0.0, HIGH)
+    checks.number("blur", blur, 1e-9, 1e9)
+    checks.number("delta", delta, 0.0, 1e9)
     return delta * delta * intensity / (2.0 * math.pi * blur * blur)
 
 
 def blob_image(x, y, peak, blur, shape):
-    """Noise-free frames h of a Gaussian blob: (n_x, n_y) for numbers x, y, (K, n_x, n_y) for K
-    positions.
+    """Noise-free frames h of a Gaussian blob: (n_x, n_y), or (K, n_x, n_y) for K positions.
 
-    x, y : position in cells; cell (i, j) is centred at (i, j), i = 1 .. n_x, j = 1 .. n_y.  NaN: no
-        target, h = 0.
+    x, y : numbers or (K,), position in cells; cell (i, j) is centred at (i, j), i = 1 .. n_x,
+        j = 1 .. n_y.  NaN: no target, h = 0.
     peak : amplitude at the centre; blur : standard deviation of the blob in cells; shape : (n_x,
         n_y).
     """
+    checks.number("peak", peak, -HIGH, HIGH)
+    checks.number("blur", blur, 1e-9, 1e9)
     gx, gy = (
         np.exp(
             -((np.arange(1, n + 1) - np.asarray(v, float)[..., None]) ** 2) / (2.0 * blur * blur)
@@ -67,7 +73,7 @@ def blob_image(x, y, peak, blur, shape):
 
 
 def blob_log_ratio_spec(z, S, r, peak, blur, noise):
-    """Specification of :func:`blob_log_ratio`: every cell of the frame, and a mask for the patch."""
+    """Specification of :func:`blob_log_ratio`: every cell, and a mask for the patch."""
     out = np.zeros(len(r))
     i, j = (np.arange(1, n + 1) for n in z.shape)
     for n in np.flatnonzero(r):
@@ -79,32 +85,58 @@ def blob_log_ratio_spec(z, S, r, peak, blur, noise):
     return out
 
 
-@kernel
-def _row(z, i, j, a, b, c, d):
-    """Five cells of row i from column j on, weighted by a, b, 1, c, d."""
-    return a * z[i, j] + b * z[i, j + 1] + z[i, j + 2] + c * z[i, j + 3] + d * z[i, j + 4]
-
-
-@kernel
 def blob_log_ratio(z, S, r, peak, blur, noise):
-    """Log-likelihood ratio (N,) of the 5 x 5 patch around each particle: target with that state
-    against noise only.
+    """Log-likelihood ratio (N,) of the 5 x 5 patch around each particle: target against noise only.
 
     z : (n_x, n_y) frame; S : (N, d) states, x in column 0 and y in column 2, in cells; r : (N,)
         regimes, 0 absent.
     peak, blur, noise : amplitude of the blob, its standard deviation in cells, standard deviation
-        of z. Absent particles, and particles outside the frame, have log-ratio 0.  The patch is
-        clipped at the edge; it holds all but 1e-7 of the energy of a blob of 0.6 cells (1e-4 at
-        0.8, 0.2 % at one cell), and is too small for wider blobs.
+        of z.
+
+    Absent particles, and particles outside the frame, have log-ratio 0.  The patch is clipped at
+    the edge; it holds all but 1e-7 of the energy of a blob of 0.6 cells (1e-4 at 0.8, 0.2 % at one
+    cell), and is too small for wider blobs.
+    """
+    z, r = checks.reals("frame", z, "n_x", "n_y"), checks.integers("regimes", r, "N")
+    S = checks.reals("states", S, r.size, "d")
+    checks.within("frame", z, -HIGH, HIGH)
+    checks.number("peak", peak, -HIGH, HIGH)
+    checks.number("blur", blur, 1e-9, 1e9)
+    checks.number("noise", noise, 1.0 / HIGH, HIGH)
+    if S.shape[1] < 3:
+        raise ValueError(f"states: {S.shape[1]} columns; give x in column 0 and y in column 2")
+    out = _blob_log_ratio(z, S, r, peak, blur, noise)
+    if np.isnan(out[:1]).any():
+        raise ValueError("states: NaN in the position of a particle that is present")
+    return out
+
+
+@kernel
+def _row_match(z, i, j, far_left, left, right, far_right):
+    """Five cells of row i from column j on, weighted; the middle one by 1."""
+    return (
+        far_left * z[i, j]
+        + left * z[i, j + 1]
+        + z[i, j + 2]
+        + right * z[i, j + 3]
+        + far_right * z[i, j + 4]
+    )
+
+
+@kernel
+def _blob_log_ratio(z, S, r, peak, blur, noise):
+    """The loop of :func:`blob_log_ratio`; the first is NaN if a position is.
 
     The sum over the patch is  (peak sum g_i g_j z_ij - peak**2 / 2 sum g_i**2 sum g_j**2) /
     noise**2,  and the Gaussian is a recurrence: with d the offset to the nearest cell, its value m
     cells further is exp(-d**2 / 2b**2) * exp(-d / b**2)**m * exp(-m**2 / 2b**2), so three
-    exponentials serve 25 cells.
+    exponentials serve 25 cells.  Below a blur of 0.038 cells the recurrence keeps that blur, or
+    its factors would overflow: what lies beyond the own cell is then below 1e-38 of the peak.
     """
     nx, ny = z.shape
     k = 1.0 / (blur * blur)
-    one, two = math.exp(-0.5 * k), math.exp(-2.0 * k)
+    tail = min(k, 700.0)
+    one, two = math.exp(-0.5 * tail), math.exp(-2.0 * tail)
     framed = np.zeros((nx + 4, ny + 4))
     for i in range(nx):
         for j in range(ny):
@@ -113,57 +145,62 @@ def blob_log_ratio(z, S, r, peak, blur, noise):
     for n in range(r.size):
         x, y = S[n, 0], S[n, 2]
         if r[n] == 0 or not (0.5 <= x < nx + 0.5 and 0.5 <= y < ny + 0.5):
+            if r[n] != 0 and (x != x or y != y):
+                out[0] = np.nan
+                break
             continue
         i, j = int(x + 0.5), int(y + 0.5)
         dx, dy = i - x, j - y
         centre = math.exp(-0.5 * k * (dx * dx + dy * dy))
-        q, p = math.exp(-k * dx), math.exp(-k * dy)
-        both = 1.0 / (q * p)
-        u, v = both * p, both * q  # 1 / q and 1 / p
-        a, b, c, d = u * u * two, u * one, q * one, q * q * two
-        e, f, g, h = v * v * two, v * one, p * one, p * p * two
-        match = a * _row(framed, i - 1, j - 1, e, f, g, h) + b * _row(framed, i, j - 1, e, f, g, h)
-        match += c * _row(framed, i + 2, j - 1, e, f, g, h) + d * _row(
-            framed, i + 3, j - 1, e, f, g, h
+        up_x, up_y = math.exp(-tail * dx), math.exp(-tail * dy)
+        both = 1.0 / (up_x * up_y)
+        down_x, down_y = both * up_y, both * up_x  # 1 / up_x and 1 / up_y
+        x1, x2, x4, x5 = down_x * down_x * two, down_x * one, up_x * one, up_x * up_x * two
+        y1, y2, y4, y5 = down_y * down_y * two, down_y * one, up_y * one, up_y * up_y * two
+        match = x1 * _row_match(framed, i - 1, j - 1, y1, y2, y4, y5)
+        match += x2 * _row_match(framed, i, j - 1, y1, y2, y4, y5)
+        far = x4 * _row_match(framed, i + 2, j - 1, y1, y2, y4, y5)
+        match += far + x5 * _row_match(framed, i + 3, j - 1, y1, y2, y4, y5)
+        match += _row_match(framed, i + 1, j - 1, y1, y2, y4, y5)
+        if not (2 < i < nx - 1 and 2 < j < ny - 1):  # no energy is expected beyond the edge
+            x1, x2, x4, x5 = x1 * (i > 2), x2 * (i > 1), x4 * (i < nx), x5 * (i < nx - 1)
+            y1, y2, y4, y5 = y1 * (j > 2), y2 * (j > 1), y4 * (j < ny), y5 * (j < ny - 1)
+        energy = (x1 * x1 + x2 * x2 + 1.0 + x4 * x4 + x5 * x5) * (
+            y1 * y1 + y2 * y2 + 1.0 + y4 * y4 + y5 * y5
         )
-        match += _row(framed, i + 1, j - 1, e, f, g, h)
-        if not (
-            2 < i < nx - 1 and 2 < j < ny - 1
-        ):  # beyond the edge no energy is expected; to the match these cells are zeros
-            a, b, c, d = a * (i > 2), b * (i > 1), c * (i < nx), d * (i < nx - 1)
-            e, f, g, h = e * (j > 2), f * (j > 1), g * (j < ny), h * (j < ny - 1)
-        energy = (a * a + b * b + 1.0 + c * c + d * d) * (e * e + f * f + 1.0 + g * g + h * h)
         out[n] = peak * centre * (match - 0.5 * peak * centre * energy) / (noise * noise)
     return out
 
 
 # Point target: all of the signal in one cell
-# ----------------------------------------------------------------------------
 
 
 def point_amplitude(snr_db, sigma=1.0):
-    """Amplitude A of a point target whose SNR is 10 log10(A**2 / sigma**2) dB in noise of standard
-    deviation sigma.
-    """
+    """Amplitude A of a point target of SNR 10 log10(A**2 / sigma**2) dB; sigma: of the noise."""
     return sigma * 10.0 ** (np.asarray(snr_db, float) / 20.0)
 
 
 def point_frames(noise, cells, amplitude):
-    """Frames z (K, n_x, n_y) of a point target: noise w everywhere, A + w in the target's cell
-    (Wan, Wang and Wu 2013, eq. 1).
+    """Frames z (K, n_x, n_y): noise w, A + w in the target's cell (Wan, Wang and Wu 2013, eq. 1).
 
-    noise : (K, n_x, n_y), left as it is; cells : (K, 2) of int, the target's cell in each frame,
+    noise : (K, n_x, n_y), not changed; cells : (K, 2) of int, the target's cell in each frame,
         **counted from 0**.
     amplitude : A, or one A_k for each frame, in the noise's unit.  The result has the noise's type.
 
     Raises ValueError when there is not one cell for each frame, or when a cell lies outside the
     frame.
     """
+    noise = checks.reals("point_frames: noise", noise, "K", "n_x", "n_y")
+    amplitude = np.asarray(amplitude, float)
     cells, shape = np.asarray(cells), noise.shape
-    if cells.shape != (shape[0], 2):
+    if amplitude.shape not in ((), shape[:1]) or not np.isfinite(amplitude).all():
         raise ValueError(
-            f"point_frames: cells have shape {cells.shape} for frames {shape}; give one (i, "
-            f"j) for each frame"
+            f"point_frames: amplitude of shape {amplitude.shape}; give a finite number or (K,)"
+        )
+    if cells.shape != (shape[0], 2) or cells.dtype.kind not in "iu":
+        raise ValueError(
+            f"point_frames: cells have shape {cells.shape} and type {cells.dtype} for frames "
+            f"{shape}; give whole numbers (i, j) for each frame"
         )
     outside = ((cells < 0) | (cells >= shape[1:])).any(axis=1)
     if outside.any():
@@ -178,13 +215,10 @@ def point_frames(noise, cells, amplitude):
 
 
 # Range and azimuth: a point of unknown intensity in exponential power
-# ------------------------------------------------------
 
 
 class PolarGrid(NamedTuple):
-    """Cells of a range-azimuth frame: lower ends r_min (m), a_min (rad), cell sizes dr (m), da
-    (rad), counts nr, na.
-    """
+    """Cells of a range-azimuth frame: lower ends and sizes (m, rad), numbers of cells."""
 
     r_min: float
     a_min: float
@@ -209,12 +243,12 @@ class Spread(NamedTuple):
 
 
 def polar_grid(r_min, r_max, a_min, a_max, dr, da):
-    """The grid of a region; r in m, a in rad.  ValueError when the region is no whole number of
-    cells.
-    """
+    """The grid of a region; r in m, a in rad.  ValueError unless it has whole numbers of cells."""
+    if not (0.0 < dr < math.inf and 0.0 < da < math.inf):
+        raise ValueError(f"cell size: dr = {dr} m, da = {da} rad; both must be positive")
     counts = (r_max - r_min) / dr, (a_max - a_min) / da
     for axis, count in zip(("range", "azimuth"), counts, strict=True):
-        if not count > 0.5 or abs(count - round(count)) > 1e-6:
+        if not 0.5 < count < 1e9 or abs(count - round(count)) > 1e-6:
             raise ValueError(
                 f"{axis}: the region has {count:g} cells; "
                 f"choose its ends and cell size for a whole number"
@@ -223,26 +257,39 @@ def polar_grid(r_min, r_max, a_min, a_max, dr, da):
 
 
 def polar_cells(x, y, grid):
-    """Cell coordinates (rho, alpha) of Cartesian positions in m, y > 0; cell (i, j) is centred at
-    (i, j) and one wide.
+    """Cell coordinates (rho, alpha) of positions in m; cell (i, j) is centred at (i, j), one wide.
+
+    alpha is NaN, which is in no cell, unless y > 0.
     """
+    x, y = np.asarray(x, float), np.where(np.asarray(y) > 0.0, y, np.nan)
     r, a = np.sqrt(x * x + y * y), 0.5 * np.pi - np.arctan(x / y)
     return (r - grid.r_min) / grid.dr + 0.5, (a - grid.a_min) / grid.da + 0.5
 
 
 def spread_power(rho, alpha, spread, shape):
-    """h**2 (nr, na) of a point at (rho, alpha): equation (6) squared, on every cell of the frame."""
+    """h**2 (nr, na) of a point at (rho, alpha): equation (6) squared, on every cell."""
     d, e = (np.arange(1, n + 1) - v for n, v in zip(shape, (rho, alpha), strict=True))
     return np.exp(-spread.lr * d**2)[:, None] * np.exp(-spread.la * e**2)
 
 
+def _check_spread(spread):
+    """Raise ValueError unless the decays are positive and the half widths whole numbers."""
+    for name in ("lr", "la"):
+        checks.number(f"spread: {name}", getattr(spread, name), 1e-9, 1e9)
+    for name in ("hr", "ha"):
+        if checks.integer(f"spread: {name}", getattr(spread, name), 0) > 10_000:
+            raise ValueError(f"spread: {name} = {getattr(spread, name)} cells; at most 10000")
+
+
 def footprint(spread):
     """Cells that the point-spread function is worth, the integral of h**2: pi / sqrt(lr la)."""
+    _check_spread(spread)
     return math.pi / math.sqrt(spread.lr * spread.la)
 
 
 def straddle(spread):
     """E[h**2] in the cell that holds the point, over all places of the point in the cell."""
+    _check_spread(spread)
     return math.prod(
         math.sqrt(math.pi / l) * math.erf(0.5 * math.sqrt(l)) for l in (spread.lr, spread.la)
     )
@@ -256,23 +303,28 @@ def _exponentials(cells, rng):
 
 
 def noise_power(shape, rng):
-    """Frames of noise power in units of its mean: independent exponentials (float32), the draws of
-    ``rng.standard_exponential``.
+    """Frames of noise power in units of its mean: float32, as ``rng.standard_exponential`` draws.
 
-    The compiled loop takes two thirds of NumPy's time for them, and they are a good part of a
-    trial.
+    The compiled loop takes two thirds of NumPy's time.
     """
-    z = np.empty(
-        shape, np.float32
-    )  # large arrays of NumPy have large pages, those of a kernel have not
+    z = np.empty(shape, np.float32)  # by NumPy, for its large memory pages
     _exponentials(z.reshape(-1), rng)
     return z
 
 
-def _lit(rho, alpha, spread, shape):
-    """The cells around a point outside of which h**2 is below 1e-16, as slices, and h**2 in them;
-    ValueError off the frame.
-    """
+def _frames_with_target(z, rho, alpha, power):
+    """Indices of the frames that have a target; ValueError where arguments do not fit."""
+    if checks.reals("frames", z, "K", "nr", "na") is not z:
+        raise ValueError("frames: give an array of floats, which is changed in place")
+    checks.reals("rho", rho, len(z)), checks.reals("alpha", alpha, len(z))
+    there = np.flatnonzero(~np.isnan(rho))
+    power = checks.reals("power", np.broadcast_to(power, len(z)), len(z))
+    checks.within("power", power[there], 0.0, HIGH)
+    return there
+
+
+def _target_cells(rho, alpha, spread, shape):
+    """Slices of the cells around a point in which h**2 is above 1e-16, and h**2 in them."""
     if not (0.5 <= rho < shape[0] + 0.5 and 0.5 <= alpha < shape[1] + 0.5):
         raise ValueError(
             f"target at cell ({rho:.1f}, {alpha:.1f}) is outside the {shape[0]} x {shape[1]} "
@@ -286,37 +338,37 @@ def _lit(rho, alpha, spread, shape):
     return tuple(near), power[0][:, None] * power[1]
 
 
-def illuminate(z, rho, alpha, power, spread, rng):
+def add_target(z, rho, alpha, power, spread, rng):
     """Add a target to noise frames, in place: z = |A h + v|**2, one complex amplitude A per frame.
 
     z : (K, nr, na) noise power |v|**2 in units of its mean; exponential of mean 1.
     rho, alpha : (K,) place of the target in cells, NaN where there is none.
     power : (K,) |A|**2 over the noise power.
-    rng : the angle between A h and v, uniform in every cell, since v is circular: only v's modulus
-        is in z so far.
+    rng : draws the angle between A h and v, uniform in every cell, since v is circular.
+
+    Raises ValueError for a target outside the frame.
     """
-    for k in np.flatnonzero(~np.isnan(rho)):
-        near, h2 = _lit(rho[k], alpha[k], spread, z.shape[1:])
+    for k in _frames_with_target(z, rho, alpha, power):
+        near, h2 = _target_cells(rho[k], alpha[k], spread, z.shape[1:])
         s, v2 = power[k] * h2, z[k][near]
         z[k][near] = s + v2 + 2.0 * np.sqrt(s * v2) * np.cos(2.0 * np.pi * rng.random(s.shape))
 
 
-def illuminate_cells(z, rho, alpha, snr, spread):
-    """Add a target to noise frames, in place, as equations (7) and (8) have it: every cell an
-    independent exponential.
+def add_target_per_cell(z, rho, alpha, snr, spread):
+    """Add a target to noise frames, in place: cells independent, equations (7) and (8).
 
-    Arguments as in :func:`illuminate`; snr : mean of |A|**2 over the noise power.  No generator: a
-    cell's exponential is scaled.
+    Arguments as in :func:`add_target`; snr : mean of |A|**2 over the noise power, a number.  No
+    generator: a cell's exponential is scaled.
     """
-    for k in np.flatnonzero(~np.isnan(rho)):
-        near, h2 = _lit(rho[k], alpha[k], spread, z.shape[1:])
+    checks.number("snr", snr, 0.0, HIGH)
+    for k in _frames_with_target(z, rho, alpha, 0.0):
+        near, h2 = _target_cells(rho[k], alpha[k], spread, z.shape[1:])
         z[k][near] *= 1.0 + snr * h2
 
 
 def check_frames(z):
-    """Raise ValueError, naming the first frame, unless every cell of z (K, nr, na) is a finite
-    power, at least 0.
-    """
+    """Raise ValueError, naming the first, unless all cells of z (K, nr, na) are finite and >= 0."""
+    z = checks.reals("frames", z, "K", "nr", "na")
     if not (z.min(initial=0.0) >= 0.0 and z.max(initial=0.0) < np.inf):
         bad = next(
             k for k, frame in enumerate(z) if not (frame.min() >= 0.0 and frame.max() < np.inf)
@@ -327,10 +379,21 @@ def check_frames(z):
         )
 
 
+def _polar(z, rho, alpha, spread, snr=None):
+    """The arguments of a patch function as arrays; ValueError where they do not fit."""
+    z, rho = checks.reals("frame", z, "nr", "na"), checks.reals("rho", rho, "N")
+    alpha = checks.reals("alpha", alpha, rho.size)
+    _check_spread(spread)
+    checks.within("frame", z, 0.0, HIGH)
+    if snr is None:
+        return z, rho, alpha
+    snr = checks.reals("snr", snr, rho.size)
+    checks.within("snr", snr, -HIGH, HIGH)
+    return z, rho, alpha, snr
+
+
 def _patches(z, rho, alpha, spread):
-    """For specifications: particle, h**2 and mask of its patch on the whole frame, for the
-    particles on the frame.
-    """
+    """For specifications: index, h**2 and cells of the patch of every particle on the frame."""
     z = z.astype(float)
     i, j = (np.arange(1, n + 1) for n in z.shape)
     for n, (r, a) in enumerate(zip(rho, alpha, strict=True)):
@@ -342,9 +405,16 @@ def _patches(z, rho, alpha, spread):
 
 
 @kernel
-def _bell(out, peak, tilt, fixed):
-    """out[h + m] = peak tilt**m fixed[abs(m)], m = -h .. h: a sampled Gaussian without an
-    exponential per sample.
+def _inside(rho, alpha, z):
+    """Whether a place is on the frame; NaN is not."""
+    return 0.5 <= rho < z.shape[0] + 0.5 and 0.5 <= alpha < z.shape[1] + 0.5
+
+
+@kernel
+def _gaussian(out, peak, tilt, fixed):
+    """out[h + m] = peak tilt**m fixed[abs(m)], m = -h .. h: no exponential per sample.
+
+    Where fixed is below 1e-300 the sample is 0: tilt**m may be infinite there.
     """
     h = fixed.size - 1
     back = 1.0 / tilt
@@ -353,8 +423,29 @@ def _bell(out, peak, tilt, fixed):
     for m in range(1, h + 1):
         up *= tilt
         down *= back
-        out[h + m] = up * fixed[m]
-        out[h - m] = down * fixed[m]
+        out[h + m] = up * fixed[m] if fixed[m] > 1e-300 else 0.0
+        out[h - m] = down * fixed[m] if fixed[m] > 1e-300 else 0.0
+
+
+@kernel
+def _decays(spread):
+    """exp(-l m**2) for m = 0 .. h, of both axes."""
+    lr, la, hr, ha = spread
+    return np.exp(-lr * np.arange(hr + 1.0) ** 2), np.exp(-la * np.arange(ha + 1.0) ** 2)
+
+
+@kernel
+def _patch(rho, alpha, peak, spread, decays, gr, ga):
+    """Fill gr (2 hr + 1,), ga (2 ha + 1,), peak h**2 = gr ga; first row and column of the patch.
+
+    Row and column count from 0 and may lie outside the frame.
+    """
+    lr, la, hr, ha = spread
+    i0, j0 = int(rho + 0.5), int(alpha + 0.5)
+    d, e = rho - i0, alpha - j0
+    _gaussian(gr, peak * math.exp(-lr * d * d - la * e * e), math.exp(2.0 * lr * d), decays[0])
+    _gaussian(ga, 1.0, math.exp(2.0 * la * e), decays[1])
+    return i0 - 1 - hr, j0 - 1 - ha
 
 
 def power_log_ratio_spec(z, rho, alpha, snr, spread):
@@ -368,51 +459,61 @@ def power_log_ratio_spec(z, rho, alpha, snr, spread):
     return out
 
 
-@kernel
 def power_log_ratio(z, rho, alpha, snr, spread):
-    """Log-likelihood ratio (N,) of the patch around each particle, cells independent and
-    exponential: equation (17).
+    """Log-likelihood ratio (N,) of the patch around each particle, equation (17).
 
-    z : (nr, na) frame of power in units of the noise power.
+    Cells are independent and exponential.  z : (nr, na) frame of power in units of the noise power;
     rho, alpha : (N,) places in cells; snr : (N,) intensity over noise power of each particle.
-        Log-ratio 0 where snr is 0; -inf off the frame, where the region of equations (22, 23) has
-        no target.
-
-    With s = snr h**2 a cell adds z s / (1 + s) - log(1 + s).  The Gaussian is a recurrence (three
-    exponentials per particle). The sum over the cells of one azimuth is kept as a fraction, num /
-    den with den = prod (1 + s), so that it costs one division, and the whole patch, as a rule, one
-    logarithm.  Azimuths are neighbours in memory and are worked on side by side.  At the frame's
-    edges the window of azimuths is shifted into the frame; what it then has too much gets h = 0.
+    Log-ratio 0 where snr is 0 or less; -inf off the frame (and at NaN), where the region of
+    equations (22, 23) has no target.
     """
-    nr, na = z.shape
-    lr, la, hr, ha = spread
+    z, rho, alpha, snr = _polar(z, rho, alpha, spread, snr)
+    return _power_log_ratio(z, rho, alpha, snr, spread)
+
+
+@kernel
+def _sum_of_cells(z, top, left, gr, ga):
+    """The log-ratio of one patch cell by cell, for what overflows in :func:`_power_log_ratio`."""
+    total = 0.0
+    for i in range(max(top, 0), min(top + gr.size, z.shape[0])):
+        for j in range(max(left, 0), min(left + ga.size, z.shape[1])):
+            s = gr[i - top] * ga[j - left]
+            total += z[i, j] * (s / (1.0 + s)) - math.log1p(s)
+    return total
+
+
+@kernel
+def _power_log_ratio(z, rho, alpha, snr, spread):
+    """The loop of :func:`power_log_ratio`.
+
+    With s = snr h**2 a cell adds z s / (1 + s) - log(1 + s).  The sum over the cells of one azimuth
+    is kept as a fraction, num / den with den = prod (1 + s), so that it costs one division, and the
+    whole patch, as a rule, one logarithm.  Azimuths are neighbours in memory and are worked on side
+    by side.  At the frame's edges the window of azimuths is shifted into the frame; its columns
+    outside the patch get h = 0.
+    """
+    (nr, na), (_, _, hr, ha) = z.shape, spread
     w = min(4 * (ha // 2) + 4, na)  # columns in the window: at least 2 ha + 1, a multiple of four
-    fr = np.exp(-lr * np.arange(hr + 1.0) ** 2)
-    fa = np.exp(-la * np.arange(ha + 1.0) ** 2)
-    gr = np.empty(2 * hr + 1)
-    padded = np.zeros(2 * (w + ha) + 1)
+    decays, gr, padded = _decays(spread), np.empty(2 * hr + 1), np.zeros(2 * (w + ha) + 1)
     ga = padded[w : w + 2 * ha + 1]
     num, den = np.empty(w), np.empty(w)
     out = np.empty(rho.size)
     for n in range(rho.size):
-        if not (0.5 <= rho[n] < nr + 0.5 and 0.5 <= alpha[n] < na + 0.5):
+        if not _inside(rho[n], alpha[n], z):
             out[n] = -np.inf
             continue
         if snr[n] <= 0.0:
             out[n] = 0.0
             continue
-        i0, j0 = int(rho[n] + 0.5), int(alpha[n] + 0.5)
-        d, e = rho[n] - i0, alpha[n] - j0
-        _bell(gr, snr[n] * math.exp(-lr * d * d - la * e * e), math.exp(2.0 * lr * d), fr)
-        _bell(ga, 1.0, math.exp(2.0 * la * e), fa)
-        first = min(max(j0 - 1 - ha, 0), na - w)
-        start = w + first - (j0 - 1 - ha)
+        top, left = _patch(rho[n], alpha[n], snr[n], spread, decays, gr, ga)
+        first = min(max(left, 0), na - w)
+        start = w + first - left
         c = padded[start : start + w]
         for k in range(w):
             num[k] = 0.0
             den[k] = 1.0
-        for i in range(max(i0 - 1 - hr, 0), min(i0 + hr, nr)):
-            g = gr[i - i0 + 1 + hr]
+        for i in range(max(top, 0), min(top + gr.size, nr)):
+            g = gr[i - top]
             row = z[i, first : first + w]
             for k in range(w):
                 s = g * c[k]
@@ -427,7 +528,8 @@ def power_log_ratio(z, rho, alpha, snr, spread):
             if product > 1e150:
                 total -= math.log(product)
                 product = 1.0
-        out[n] = total - math.log(product)
+        total -= math.log(product)
+        out[n] = total if math.isfinite(total) else _sum_of_cells(z, top, left, gr, ga)
     return out
 
 
@@ -441,15 +543,20 @@ def cell_power_spec(z, rho, alpha):
     return out
 
 
-@kernel
 def cell_power(z, rho, alpha):
-    """Power (N,) of the cell that holds each particle; z (nr, na), rho and alpha (N,) in cells; 0
-    off the frame.
+    """Power (N,) of the cell that holds each particle, 0 off the frame.
+
+    z : (nr, na); rho, alpha : (N,) in cells.
     """
-    nr, na = z.shape
+    z, rho = checks.reals("frame", z, "nr", "na"), checks.reals("rho", rho, "N")
+    return _cell_power(z, rho, checks.reals("alpha", alpha, rho.size))
+
+
+@kernel
+def _cell_power(z, rho, alpha):
     out = np.zeros(rho.size)
     for n in range(rho.size):
-        if 0.5 <= rho[n] < nr + 0.5 and 0.5 <= alpha[n] < na + 0.5:
+        if _inside(rho[n], alpha[n], z):
             out[n] = z[int(rho[n] + 0.5) - 1, int(alpha[n] + 0.5) - 1]
     return out
 
@@ -462,39 +569,37 @@ def patch_fit_spec(z, rho, alpha, spread):
     return out
 
 
-@kernel
 def patch_fit(z, rho, alpha, spread):
     """Numerator and denominator (2, N) of the least-squares intensity over each particle's patch.
 
     sum h**2 (z - 1) and sum h**4; their quotient is the intensity over the noise power that fits z
-    = snr h**2 + 1 best. Kept apart, so that frames can be added up.  Arguments as in
+    = snr h**2 + 1 best.  Kept apart, so that frames can be added up.  Arguments as in
     :func:`power_log_ratio`; 0 and 0 off the frame.
     """
-    nr, na = z.shape
-    lr, la, hr, ha = spread
-    fr = np.exp(-lr * np.arange(hr + 1.0) ** 2)
-    fa = np.exp(-la * np.arange(ha + 1.0) ** 2)
+    return _patch_fit(*_polar(z, rho, alpha, spread), spread)
+
+
+@kernel
+def _patch_fit(z, rho, alpha, spread):
+    (nr, na), (_, _, hr, ha), decays = z.shape, spread, _decays(spread)
     gr, ga, column = np.empty(2 * hr + 1), np.empty(2 * ha + 1), np.empty(2 * ha + 1)
     out = np.zeros((2, rho.size))
     for n in range(rho.size):
-        if not (0.5 <= rho[n] < nr + 0.5 and 0.5 <= alpha[n] < na + 0.5):
+        if not _inside(rho[n], alpha[n], z):
             continue
-        i0, j0 = int(rho[n] + 0.5), int(alpha[n] + 0.5)
-        d, e = rho[n] - i0, alpha[n] - j0
-        _bell(gr, math.exp(-lr * d * d - la * e * e), math.exp(2.0 * lr * d), fr)
-        _bell(ga, 1.0, math.exp(2.0 * la * e), fa)
-        lo, hi = max(j0 - 1 - ha, 0), min(j0 + ha, na)
+        top, left = _patch(rho[n], alpha[n], 1.0, spread, decays, gr, ga)
+        lo, hi = max(left, 0), min(left + ga.size, na)
         for k in range(hi - lo):
             column[k] = 0.0
         energy_r = energy_a = 0.0
-        for i in range(max(i0 - 1 - hr, 0), min(i0 + hr, nr)):
-            g = gr[i - i0 + 1 + hr]
+        for i in range(max(top, 0), min(top + gr.size, nr)):
+            g = gr[i - top]
             energy_r += g * g
             row = z[i, lo:hi]
             for k in range(row.size):
                 column[k] += g * (row[k] - 1.0)
         for k in range(hi - lo):
-            g = ga[k + lo - j0 + 1 + ha]
+            g = ga[k + lo - left]
             energy_a += g * g
             out[0, n] += g * column[k]
         out[1, n] = energy_r * energy_a
@@ -502,7 +607,6 @@ def patch_fit(z, rho, alpha, spread):
 
 
 # One amplitude for the whole patch
-# -----------------------------------------------------------------------------------------
 
 _BESSEL_CELLS, _BESSEL_END = 64, 32  # knots per unit of x, last knot
 
@@ -515,10 +619,11 @@ def _bessel_table():
 
 @kernel
 def _log_bessel(x, table):
-    """log I0(x): cubic Hermite interpolation (error below 1e-10), beyond the table the asymptotic
-    series (below 1e-9).
+    """log I0(x), x >= 0: cubic Hermite interpolation (error below 1e-10); NaN for NaN.
+
+    Beyond the table the asymptotic series (below 1e-9).
     """
-    if x >= _BESSEL_END:
+    if not x < _BESSEL_END:
         t = 1.0 / (8.0 * x)
         return (
             x
@@ -533,10 +638,8 @@ def _log_bessel(x, table):
 
 
 def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
-    """Specification of :func:`coherent_log_ratio`: adaptive quadrature over the power of the common
-    amplitude.
-    """
-    from scipy.integrate import quad  # half a second, for which no filter has to wait
+    """Specification of :func:`coherent_log_ratio`: adaptive quadrature over the common power."""
+    from scipy.integrate import quad  # takes half a second to import
     from scipy.optimize import minimize_scalar
 
     out = np.full(len(rho), -np.inf)
@@ -561,59 +664,56 @@ def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
 
 @kernel
 def _coherent(z, rho, alpha, snr, spread, step, table, out):
-    """The loop of :func:`coherent_log_ratio`."""
-    nr, na = z.shape
-    lr, la, hr, ha = spread
-    fr = np.exp(-0.5 * lr * np.arange(hr + 1.0) ** 2)
-    fa = np.exp(-0.5 * la * np.arange(ha + 1.0) ** 2)
+    """The loop of :func:`coherent_log_ratio`; spread : of the amplitude."""
+    (nr, na), (_, _, hr, ha), decays = z.shape, spread, _decays(spread)
     gr, ga = np.empty(2 * hr + 1), np.empty(2 * ha + 1)
     x = np.empty(gr.size * ga.size)
     for n in range(rho.size):
-        inside = 0.5 <= rho[n] < nr + 0.5 and 0.5 <= alpha[n] < na + 0.5
+        inside = _inside(rho[n], alpha[n], z)
         out[n] = 0.0 if inside else -np.inf
-        if not inside or snr[n] <= 0.0:
+        if not inside or snr[n] <= 1e-300:
             continue
-        i0, j0 = int(rho[n] + 0.5), int(alpha[n] + 0.5)
-        d, e = rho[n] - i0, alpha[n] - j0
-        _bell(gr, math.exp(-0.5 * (lr * d * d + la * e * e)), math.exp(lr * d), fr)
-        _bell(ga, 1.0, math.exp(la * e), fa)
+        top, left = _patch(rho[n], alpha[n], 1.0, spread, decays, gr, ga)
         cells, energy = 0, 1.0 / snr[n]
-        for i in range(max(i0 - 1 - hr, 0), min(i0 + hr, nr)):
-            for j in range(max(j0 - 1 - ha, 0), min(j0 + ha, na)):
-                h = gr[i - i0 + 1 + hr] * ga[j - j0 + 1 + ha]
+        for i in range(max(top, 0), min(top + gr.size, nr)):
+            for j in range(max(left, 0), min(left + ga.size, na)):
+                h = gr[i - top] * ga[j - left]
                 x[cells] = 2.0 * h * math.sqrt(z[i, j])
                 energy += h * h
                 cells += 1
-        # integral over the amplitude b of 2 b / snr exp(-b**2 energy) prod I0(b x): midpoints, and
-        # the slope at b = 0
+        # integral of 2 b / snr exp(-b**2 energy) prod I0(b x) over the amplitude b: midpoint rule,
+        # with the slope at b = 0
         width = step / math.sqrt(energy)
-        b, top, total = 0.5 * width, -np.inf, 0.0
+        b, best, total = 0.5 * width, -np.inf, 0.0
         while True:
             term = math.log(2.0 * b * width / snr[n]) - b * b * energy
             for c in range(cells):
                 term += _log_bessel(b * x[c], table)
-            if term > top:
-                total = total * math.exp(top - term) + 1.0
-                top = term
+            if term > best:
+                total = total * math.exp(best - term) + 1.0
+                best = term
             else:
-                total += math.exp(term - top)
-                if not term >= top - 20.0:  # a NaN ends it too
+                total += math.exp(term - best)
+                if not term >= best - 20.0:  # a NaN ends it too
                     break
             b += width
-        out[n] = top + math.log(total - width * width / (12.0 * snr[n]) * math.exp(-top))
+        out[n] = best + math.log(total - width * width / (12.0 * snr[n]) * math.exp(-best))
 
 
 def coherent_log_ratio(z, rho, alpha, snr, spread, step=0.8):
-    """Log-likelihood ratio (N,) of each particle's patch under equation (5) itself: one amplitude
-    in all of its cells.
+    """Log-likelihood ratio (N,) of each patch under equation (5): one amplitude in all its cells.
 
-    Given |A|**2 = p sigma**2 the cells are independent, each with the density exp(-z - p h**2) I0(2
-    h sqrt(p z)); the Swerling 1 average over p, exponential with mean snr, couples them.  Arguments
-    and limits as in :func:`power_log_ratio`.
+    Given |A|**2 = p sigma**2 the cells are independent, each with the density
+    exp(-z - p h**2) I0(2 h sqrt(p z)); the Swerling 1 average over p, exponential with mean snr,
+    couples them.  Arguments and limits as in :func:`power_log_ratio`; z at most 1e8.
 
-    step : of the midpoint rule over the amplitude, in units of (1 / snr + sum h**2)**-0.5; error
-        below 1e-4 at 0.25, 1e-2 at 0.8.
+    step : of the midpoint rule over the amplitude, in units of (1 / snr + sum h**2)**-0.5, 0.01 to
+        2; error below 1e-4 at 0.25, 1e-2 at 0.8.
     """
+    z, rho, alpha, snr = _polar(z, rho, alpha, spread, snr)
+    checks.within("frame", z, 0.0, 1e8)  # the number of steps grows with the amplitude
+    checks.number("step", step, 0.01, 2.0)
     out = np.empty(rho.size)
-    _coherent(z, rho, alpha, snr, spread, step, _bessel_table(), out)
+    amplitude = Spread(0.5 * spread.lr, 0.5 * spread.la, spread.hr, spread.ha)
+    _coherent(z, rho, alpha, snr, amplitude, step, _bessel_table(), out)
     return out

@@ -1,4 +1,4 @@
-"""Kernels of ``dynprog`` beside their specifications: (name, kernel, specification, arguments)."""
+"""Kernels of ``dynprog`` beside their specifications: (name, kernel, spec, arguments)."""
 
 import numpy as np
 
@@ -57,7 +57,7 @@ FAMILIES = (
     ("penalised", (PRICE, np.array([0.2, 0.0, 0.2]))),
     ("coupled", (LITERAL,)),
 )
-STATES = ((0, 0, 4, 4), (5, 5, 12, 10), (2, 3, 8, 7), (5, 0, 6, 5))
+STATES = ((0, 0, 4, 4), (5, 5, 12, 10), (2, 3, 8, 7), (5, 0, 6, 5), (0, 0, 0, 0), (5, 5, 16, 14))
 
 
 def pair(name):

@@ -1,4 +1,4 @@
-"""Kernels of ``particles`` beside their specifications: (name, kernel, specification, arguments)."""
+"""``particles`` beside its specifications: (name, function, specification, arguments)."""
 
 import numpy as np
 
@@ -18,6 +18,9 @@ CASES = [
         lambda: (np.full(10, 0.1), 10, 0.5),  # the sum rounds below one
         lambda: (np.array([0.5, 0.5, 0.0, 0.0]), 4, np.nextafter(1.0, 0.0)),
         lambda: (np.array([1.0]), 3, 0.7),
+        lambda: (np.array([0.0, 0.0, 1e-190]), 9, 0.0),
+        lambda: (np.full(3, 1e190), 9, 0.5),
+        lambda: (np.zeros(9) + (np.arange(9) == 8), 4, np.nextafter(1.0, 0.0)),
     )
 ]
 
@@ -31,13 +34,14 @@ def log_weights(n, seed=1):
 
 
 CASES += [
-    ("select", particles.select, particles.select_spec, args)
+    ("resample", particles.resample, particles.resample_spec, args)
     for args in (
         lambda: (log_weights(400), 200, 0.3),
         lambda: (log_weights(50) - 1000.0, 300, 0.999),
         lambda: (np.array([-np.inf, 700.0, 700.5, -np.inf]), 7, 0.0),
         lambda: (np.zeros(10), 10, 0.5),
         lambda: (np.array([-2.0]), 3, 0.7),
+        lambda: (np.array([-1e308, 1e308]), 3, 0.3),
     )
 ]
 
@@ -52,12 +56,13 @@ def cloud(n, M, regimes=3, seed=2):
 
 
 CASES += [
-    ("copies", particles.copies, particles.copies_spec, args)
+    ("copy_particles", particles.copy_particles, particles.copy_particles_spec, args)
     for args in (
         lambda: cloud(400, 200),
         lambda: cloud(20, 70),
         lambda: cloud(9, 5, regimes=1),
         lambda: cloud(0, 0),
+        lambda: cloud(5, 0),
     )
 ]
 
@@ -75,5 +80,7 @@ CASES += [
         lambda: histories(3, 2, 9, 20, 1),
         lambda: histories(0, 1, 9, 7, 2),
         lambda: histories(4, 1, 5, 5, 0),
+        lambda: histories(2, 1, 0, 0, 3),
+        lambda: histories(2, 0, 4, 3, 0),
     )
 ]

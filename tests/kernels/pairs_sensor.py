@@ -1,4 +1,4 @@
-"""Kernels of ``sensor`` beside their specifications: (name, kernel, specification, arguments)."""
+"""``sensor`` beside its specifications: (name, function, specification, arguments)."""
 
 import functools
 
@@ -33,6 +33,9 @@ CASES = [
         lambda: blob_case(100, blur=0.9),
         lambda: blob_case(60, shape=(3, 2)),  # the patch is wider than the frame
         lambda: blob_case(0),
+        lambda: blob_case(20, shape=(0, 4)),
+        lambda: blob_case(50, shape=(1, 1)),
+        lambda: blob_case(50, blur=0.02),
     )
 ]
 
@@ -69,6 +72,9 @@ for spread, options in (
     ((0.3, 0.05, 5, 30), {}),  # the patch is wider than the frame
     (TRUE, {"shape": (3, 5)}),
     (TRUE, {"n": 0}),
+    (TRUE, {"shape": (1, 1)}),
+    (TRUE, {"shape": (0, 7)}),
+    ((1.44, 0.1112, 0, 0), {}),
 ):
     make = functools.partial(polar_case, spread, **options)
     CASES += [

@@ -17,9 +17,7 @@ LITERAL = np.array([[A ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-
 
 
 def algorithm(name, M):
-    """(number of velocities, lowest_velocity, forward pass, path to a state) of an algorithm with maximum
-    speed M; margin M + 1.
-    """
+    """(number of velocities, lowest velocity, forward pass, path to a state); margin M + 1."""
     back = dynprog.weighted_path
     fixed = {
         "conventional": np.ones(2 * M + 1),
@@ -155,8 +153,7 @@ def test_some_states_of_the_enumeration_cannot_be_reached():
     assert np.isneginf(I[-1]).any()
 
 
-# Peers and closed forms ---------------------------------------------------------------------------
-# --------------------------
+# Peers and closed forms
 
 
 def test_conventional_forward_pass_is_a_maximum_filter():
@@ -218,8 +215,7 @@ def test_unreachable_final_states_are_counted():
     )
 
 
-# Symmetries ---------------------------------------------------------------------------------------
-# --------------------------
+# Symmetries
 
 DATA = np.random.default_rng(7).normal(0.5, 1.0, (6, 14, 11))
 
@@ -276,8 +272,26 @@ def test_single_precision_rounds_and_does_nothing_else():
     )
 
 
-# Bad input ----------------------------------------------------------------------------------------
-# --------------------------
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("end", [0, 5])
+@pytest.mark.parametrize("name", ["weighted", "coupled", "penalised"])
+def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
+    """The only finite predecessor has the lowest or highest velocity; the state is one above it or
+    below, and at the end itself.
+    """
+    weights = {"weighted": (ASIDE, ASIDE), "coupled": (LITERAL,)}.get(name, (1 - ASIDE, 1 - ASIDE))
+    for offset in (0, 1):
+        state, before = [2, 2, 9, 9], [2, 2, 9, 9]
+        before[axis], state[axis] = end, abs(end - offset)
+        for a in (0, 1):
+            before[2 + a] = 9 - (before[a] - 2)  # slack 0: the cell left at the former velocity
+        I = np.full((2, 6, 6, 20, 20), -np.inf)
+        I[0][tuple(before)] = 1.0
+        path = getattr(dynprog, f"{name}_path")(I, tuple(state), *weights, -2)
+        assert path[0].tolist() == before
+
+
+# Bad input
 
 
 @pytest.mark.parametrize(
@@ -306,6 +320,76 @@ def test_bad_windows_are_one_line(slack):
     with pytest.raises(ValueError, match="position: ") as error:
         dynprog.check_weights(slack, "position")
     assert "\n" not in str(error.value)
+
+
+BAD_FORWARD = {
+    "a frame short": lambda z, w, v, r, I: (z[:1], w, w, v, r, I),
+    "transposed maps": lambda z, w, v, r, I: (z, w, w, v, r, I.swapaxes(-1, -2)),
+    "transposed frames": lambda z, w, v, r, I: (z.swapaxes(1, 2), w, w, v, r, I),
+    "two dimensions": lambda z, w, v, r, I: (z[0], w, w, v, r, I),
+    "mixed types": lambda z, w, v, r, I: (z, w.astype(np.float32), w, v, r, I),
+    "integers": lambda z, w, v, r, I: tuple(
+        np.zeros(a.shape, int) if isinstance(a, np.ndarray) else a for a in (z, w, w, v, r, I)
+    ),
+    "complex": lambda z, w, v, r, I: (z + 0j, w, w, v, r, I),
+    "NaN weight": lambda z, w, v, r, I: (z, w * np.nan, w, v, r, I),
+    "negative weight": lambda z, w, v, r, I: (z, w, w * [-1, 1, 1], v, r, I),
+    "forbidden middle": lambda z, w, v, r, I: (z, w, w * [1, 0, 1], v, r, I),
+    "infinite weight": lambda z, w, v, r, I: (z, w, w * [np.inf, 1, 1], v, r, I),
+    "velocity below the margin": lambda z, w, v, r, I: (z, w, w, v - 2, r, I),
+    "velocity above the margin": lambda z, w, v, r, I: (z, w, w, v + 2, r, I),
+    "velocity out of range": lambda z, w, v, r, I: (z, w, w, -(2**63), r, I),
+    "no whole velocity": lambda z, w, v, r, I: (z, w, w, v + 0.5, r, I),
+    "negative margin": lambda z, w, v, r, I: (z, w, w, v, -r, I),
+    "a margin as wide as the frame": lambda z, w, v, r, I: (z, w, w, v, 100, I),
+    "no map": lambda z, w, v, r, I: (z, w, w, v, r, I[:, :0, :0]),
+    "maps not square": lambda z, w, v, r, I: (z, w, w, v, r, I[:, :, :4].copy()),
+    "a list": lambda z, w, v, r, I: (z, w.tolist(), w, v, r, I),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FORWARD)
+def test_bad_arguments_of_a_forward_pass_are_one_line(name):
+    z = dynprog.margin(np.zeros((2, 9, 7)), 4)
+    I = np.empty((2, 6, 6, *z.shape[1:]))
+    dynprog.weighted_forward(z, ASIDE, ASIDE, -2, 4, I)
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.weighted_forward(*BAD_FORWARD[name](z, ASIDE, -2, 4, I))
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        (0, 0, 0),
+        (6, 0, 5, 5),
+        (0, -1, 5, 5),
+        (0, 0, 20, 5),
+        (0.0, 0, 5, np.nan),
+        [0, 0, 5, 5],
+        None,
+    ],
+)
+def test_a_final_state_outside_the_maps_is_refused(state):
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.weighted_path(np.zeros((2, 6, 6, 20, 20)), state, ASIDE, ASIDE, -2)
+
+
+@pytest.mark.parametrize("table", [LITERAL[:2], -LITERAL, LITERAL * np.nan, LITERAL * 0, ASIDE])
+def test_a_bad_table_is_refused(table):
+    z, I = dynprog.margin(np.zeros((2, 9, 7)), 4), np.zeros((2, 6, 6, 17, 15))
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.coupled_forward(z, table, -2, 4, I)
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.coupled_path(I, (0, 0, 5, 5), table, -2)
+
+
+@pytest.mark.parametrize("price", [[-1, 0, 1], [0, np.inf, 0], [np.nan, 0, 0], [0, 0]])
+def test_a_bad_price_is_refused(price):
+    z, I, c = dynprog.margin(np.zeros((2, 9, 7)), 4), np.zeros((2, 6, 6, 17, 15)), np.zeros(3)
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.penalised_forward(z, np.array(price, float), c, -2, 4, I)
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.penalised_path(I, (0, 0, 5, 5), c, np.array(price, float), -2)
 
 
 def test_slacks_that_are_no_neighbours_are_refused():

@@ -23,18 +23,18 @@ def test_normalise_refuses_in_one_line(lw):
 
 
 @pytest.mark.parametrize("lw", [[-np.inf, -np.inf], [0.0, np.nan], [0.0, np.inf]])
-def test_select_refuses_in_one_line(lw):
+def test_resample_refuses_in_one_line(lw):
     with pytest.raises(ValueError, match="log-weights"):
-        particles.select(np.array(lw), 2, 0.5)
+        particles.resample(np.array(lw), 2, 0.5)
 
 
-def test_select_is_normalise_and_systematic():
+def test_resample_is_normalise_and_systematic():
     """The three results against the functions that have them apart, on weights that span forty
     decades.
     """
     lw = np.random.default_rng(7).normal(0.0, 20.0, 1000)
     W, _ = particles.normalise(lw)
-    ancestors, n_eff, different = particles.select(lw, 500, 0.25)
+    ancestors, n_eff, different = particles.resample(lw, 500, 0.25)
     assert (ancestors == particles.systematic(W, 500, 0.25)).all()
     assert n_eff == pytest.approx(particles.effective_size(W), rel=1e-12)
     assert different == particles.distinct(ancestors)
@@ -43,15 +43,6 @@ def test_select_is_normalise_and_systematic():
 def test_effective_size_counts_equal_weights():
     assert particles.effective_size(np.full(8, 1 / 8)) == pytest.approx(8)
     assert particles.effective_size(np.array([0.5, 0.5, 0.0, 0.0])) == pytest.approx(2)
-
-
-def test_moments_are_those_of_the_copies():
-    rng = np.random.default_rng(0)
-    S, copies = rng.normal(size=(6, 3)), np.array([1, 0, 4, 2, 1, 2])
-    mean, cov = particles.moments(S, copies / copies.sum())
-    many = np.repeat(S, copies, axis=0)
-    assert np.allclose(mean, many.mean(axis=0), rtol=1e-13)
-    assert np.allclose(cov, np.cov(many.T, bias=True), rtol=1e-12)
 
 
 def test_resampling_is_unbiased():
@@ -131,7 +122,7 @@ def test_history_travels_with_the_particle():
     paths = [() for _ in range(N + births)]
     for k in range(13):
         code = rng.random(N + births)
-        particles.record(H, age, k, code)
+        particles.record(H, age, k, code[None])
         paths = [(*path, c) for path, c in zip(paths, code, strict=True)]
         ancestors = particles.systematic(rng.random(N + births) ** 4, N, rng.random())
         H, age = particles.inherit(H, age, ancestors, births)

@@ -22,12 +22,47 @@ def blob_ratio(z, *positions, peak=PEAK, noise=NOISE):
     )
 
 
-def test_an_intensity_that_is_no_number_ends_and_is_seen():
+@pytest.mark.parametrize("ratio", [sensor.coherent_log_ratio, sensor.power_log_ratio])
+@pytest.mark.parametrize("snr", [np.nan, np.inf])
+def test_an_intensity_that_is_no_number_is_refused(ratio, snr):
     z, place = np.ones((20, 20)), np.array([10.0])
-    out = sensor.coherent_log_ratio(
-        z, place, place, np.array([np.nan]), sensor.Spread(1.44, 0.11, 2, 6)
+    with pytest.raises(ValueError, match="snr: element"):
+        ratio(z, place, place, np.array([snr]), sensor.Spread(1.44, 0.11, 2, 6))
+
+
+def test_log_bessel_of_nan_is_nan():
+    assert math.isnan(sensor._log_bessel(math.nan, sensor._bessel_table()))
+
+
+@pytest.mark.parametrize("blur", [0.5, 0.0379, 0.0377, 0.03, 0.02, 1e-4, 1e-9])
+def test_a_sharp_blob_has_a_finite_ratio(blur):
+    """At the centre of a cell all of a sharp blob is in this cell; at a corner, in four."""
+    z = np.random.default_rng(3).normal(0, NOISE, (9, 9))
+    S = blob_states((4, 5), (4.5, 5.5), (4.3, 5.2), (8.9, 0.6))
+    ours = sensor.blob_log_ratio(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
+    theirs = sensor.blob_log_ratio_spec(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-30)
+
+
+@pytest.mark.parametrize("decay", [300.0, 400.0, 700.0, 800.0, 5000.0])
+def test_a_sharp_point_has_finite_ratios(decay):
+    z = np.random.default_rng(3).standard_exponential((9, 9))
+    spread = sensor.Spread(decay, decay, 2, 2)
+    place = np.array([4.0, 4.5, 4.3, 0.5]), np.array([5.0, 5.5, 5.2, 9.4])
+    ours = sensor.power_log_ratio(z, *place, np.full(4, 3.0), spread)
+    theirs = sensor.power_log_ratio_spec(z, *place, np.full(4, 3.0), spread)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-15)
+    assert np.isfinite(sensor.patch_fit(z, *place, spread)).all()
+    assert np.isfinite(sensor.coherent_log_ratio(z, *place, np.full(4, 3.0), spread)).all()
+
+
+def test_a_strong_intensity_does_not_overflow():
+    z, place = np.ones((9, 30)), (np.array([4.2]), np.array([15.1]))
+    spread, snr = sensor.Spread(1e-3, 1e-3, 4, 12), np.array([1e45])
+    ours = sensor.power_log_ratio(z, *place, snr, spread)
+    np.testing.assert_allclose(
+        ours, sensor.power_log_ratio_spec(z, *place, snr, spread), rtol=1e-12
     )
-    assert np.isnan(out).all()
 
 
 @pytest.mark.parametrize(
@@ -111,7 +146,7 @@ def test_blob_ratio_is_invariant_under_scale_and_whole_cell_shifts():
 
 def test_blob_outside_the_frame_says_nothing():
     z = np.random.default_rng(11).normal(size=(30, 20))
-    outside = blob_ratio(z, (0.49, 5), (30.5, 5), (5, 20.5), (5, 0.49), (5, 25), (np.nan, 5))
+    outside = blob_ratio(z, (0.49, 5), (30.5, 5), (5, 20.5), (5, 0.49), (5, 25))
     assert (outside == 0).all()
     assert (blob_ratio(z, (0.5, 0.5), (30.49, 20.49)) != 0).all()
 
@@ -128,8 +163,7 @@ def test_zero_signal_has_ratio_one():
     assert (blob_ratio(z, (3, 3), peak=0.0) == 0).all()
 
 
-# Range and azimuth --------------------------------------------------------------------------------
-# -----------------------
+# Range and azimuth
 
 GRID = sensor.polar_grid(11e3, 12e3, math.pi / 4, math.pi / 2, 2.0, math.radians(0.5))
 SPREAD = sensor.Spread(0.36 * 4.0, 1460 * math.radians(0.5) ** 2, 2, 6)
@@ -185,9 +219,9 @@ def test_illuminated_cells_are_exponential_with_the_right_mean(common):
     z = rng.standard_exponential((n, 9, 15))
     place = np.full(n, 5.3), np.full(n, 8.2)
     if common:
-        sensor.illuminate(z, *place, snr * rng.standard_exponential(n), SPREAD, rng)
+        sensor.add_target(z, *place, snr * rng.standard_exponential(n), SPREAD, rng)
     else:
-        sensor.illuminate_cells(z, *place, snr, SPREAD)
+        sensor.add_target_per_cell(z, *place, snr, SPREAD)
     mean = 1.0 + snr * sensor.spread_power(5.3, 8.2, SPREAD, (9, 15))
     assert (
         abs(z.mean(axis=0) / mean - 1.0) < 4.5 / math.sqrt(n)
@@ -215,7 +249,7 @@ def test_target_outside_the_area_is_refused():
     with pytest.raises(
         ValueError, match=r"target at cell \(9.6, 8.0\) is outside the 9 x 15 cells"
     ):
-        sensor.illuminate(
+        sensor.add_target(
             z, np.full(3, 9.6), np.full(3, 8.0), np.ones(3), SPREAD, np.random.default_rng(0)
         )
 
@@ -268,7 +302,7 @@ def test_least_squares_fit_of_a_mismatched_spread():
 def test_coherent_ratio_equals_adaptive_quadrature():
     rng = np.random.default_rng(7)
     z = rng.standard_exponential((1, 20, 25))
-    sensor.illuminate(z, np.array([9.7]), np.array([12.2]), np.array([30.0]), SPREAD, rng)
+    sensor.add_target(z, np.array([9.7]), np.array([12.2]), np.array([30.0]), SPREAD, rng)
     rho, alpha = (
         np.r_[9.7, 9.7 + rng.normal(size=20), 0.6, 20.4, -1.0],
         np.r_[12.2, 12.2 + 2 * rng.normal(size=20), 1.0, 25.3, 5.0],

@@ -1,0 +1,66 @@
+"""Any input to dynamic programming: maps and paths that agree, or one line."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from one_line import result
+
+from tbdcore import dynprog
+
+same = settings(derandomize=True, deadline=None, max_examples=100)
+ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
+
+
+WEIGHTS = (
+    st.just([0.9, 1.0, 0.9])
+    | st.lists(st.floats(0.0, 1.0), min_size=3, max_size=3)
+    | st.lists(st.floats(0.0, 2.0) | ANY, max_size=4)
+)
+FAMILIES = st.sampled_from(["box", "weighted", "penalised", "coupled"])
+NUMBERS = st.integers(-3, 3)
+
+
+@same
+@given(st.lists(st.floats(-5, 5) | ANY, min_size=1, max_size=6), st.integers(-1, 3))
+def test_margin(values, width):
+    z = np.resize(np.array(values), (2, 3, 2))
+    out = result(dynprog.margin, z, width)
+    assert (out is None) == (width < 0 or not np.isfinite(z).all())
+    if out is not None:
+        assert np.isfinite(out).sum() == z.size
+        assert np.isneginf(out).sum() == out.size - z.size
+
+
+@same
+@given(st.data(), FAMILIES, WEIGHTS, WEIGHTS, NUMBERS, NUMBERS, st.integers(1, 4))
+def test_forward_and_path(data, family, position, velocity, lowest, reach, V):
+    values = data.draw(st.lists(st.floats(-5, 5), min_size=4, max_size=4))
+    z = dynprog.margin(np.resize(np.array(values), (3, 4, 3)), max(reach, 0))
+    I = np.full((3, V, V, *z.shape[1:]), np.nan)
+    position, velocity = np.array(position, float), np.array(velocity, float)
+    weights = {"box": (position,), "coupled": (np.outer(position, velocity),)}.get(
+        family, (position, velocity)
+    )
+    out = result(getattr(dynprog, f"{family}_forward"), z, *weights, lowest, reach, I)
+    state = data.draw(st.tuples(*[st.integers(-1, n) for n in I.shape[1:]]))
+    back = (*weights, np.ones(1)) if family == "box" else weights
+    path = getattr(dynprog, f"{family.replace('box', 'weighted')}_path")
+    if out is None:
+        result(path, np.zeros(I.shape), state, *back, lowest)
+        return
+    assert not np.isnan(I).any()
+    assert (I[1:] < np.inf).all()
+    traced = result(path, I, state, *back, lowest)
+    inside = all(0 <= s < n for s, n in zip(state, I.shape[1:], strict=True))
+    assert (traced is not None) == inside
+    if inside:
+        assert traced[-1].tolist() == list(state)
+        reached = np.isfinite(I[-1][state])
+        assert ((traced >= 0).all() and reached) or not reached
+
+
+@same
+@given(WEIGHTS | st.sampled_from(["a", None, [[1.0]], [1j], {}]))
+def test_check_weights(slack):
+    out = result(dynprog.check_weights, slack)
+    assert out is None or (out.size % 2 == 1 and out[out.size // 2] > 0 and (out >= 0).all())

@@ -1,0 +1,112 @@
+"""Any input to resampling and existence: a result with its invariants, or one line."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from one_line import result
+
+from tbdcore import particles
+
+same = settings(derandomize=True, deadline=None, max_examples=150)
+ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
+
+
+USUAL = st.floats(0.0, 1.0) | st.just(0.0)
+VECTORS = (
+    st.lists(USUAL, max_size=8)
+    | st.lists(ANY, max_size=8)
+    | st.lists(st.floats(-1e3, 1e3) | st.just(-np.inf), max_size=8)
+)
+COUNTS = st.integers(-1, 20) | st.just(2.5)
+OFFSETS = st.floats(0.0, 1.0, exclude_max=True) | ANY
+
+
+def ancestors_are_valid(ancestors, weights, M):
+    assert ancestors.shape == (M,)
+    assert (np.diff(ancestors) >= 0).all()
+    assert (weights[ancestors] > 0).all()
+
+
+@same
+@given(VECTORS, COUNTS, OFFSETS)
+def test_systematic(weights, M, u):
+    out = result(particles.systematic, np.array(weights, float), M, u)
+    if out is not None:
+        W = np.array(weights)
+        ancestors_are_valid(out, W, M)
+        if M:
+            copies = np.bincount(out, minlength=W.size)
+            assert (abs(copies - M * (W / W.sum())) < 1 + 1e-6).all()
+
+
+@same
+@given(VECTORS, COUNTS, OFFSETS)
+def test_resample(lw, M, u):
+    out = result(particles.resample, np.array(lw, float), M, u)
+    if out is not None:
+        ancestors, size, different = out
+        with np.errstate(over="ignore"):
+            ancestors_are_valid(ancestors, np.exp(np.array(lw) - max(lw)), M)
+        assert 1 - 1e-9 <= size <= len(lw) + 1e-9
+        assert different == len(set(ancestors.tolist()))
+
+
+@same
+@given(VECTORS)
+def test_normalise_and_effective_size(lw):
+    out = result(particles.normalise, np.array(lw, float))
+    if out is not None:
+        W, log_mean = out
+        assert abs(W.sum() - 1) < 1e-12
+        assert W.min() >= 0
+        assert np.isfinite(log_mean)
+        assert 1 - 1e-9 <= particles.effective_size(W) <= W.size + 1e-9
+    size = result(particles.effective_size, np.array(lw, float))
+    assert size is None or np.isfinite(size)
+
+
+@same
+@given(USUAL | ANY, USUAL | ANY, USUAL | ANY, ANY)
+def test_existence(P, birth, survive, log_ratio):
+    predicted = result(particles.existence_predict, P, birth, survive)
+    assert predicted is None or 0 <= predicted <= 1
+    updated = result(particles.existence_update, P, log_ratio)
+    assert (updated is None) == (not 0 <= P <= 1 or np.isnan(log_ratio))
+    assert updated is None or 0 <= updated <= 1
+
+
+@same
+@given(
+    st.lists(st.integers(-2, 5), max_size=6),
+    st.lists(st.integers(0, 2) | st.integers(-9, 9), max_size=6),
+    st.integers(-1, 3),
+)
+def test_copies_and_histories(ancestors, regimes, births):
+    r, S = np.array(regimes, int), np.arange(5.0 * len(regimes)).reshape(-1, 5)
+    out = result(particles.copy_particles, r, S, np.array(ancestors, int))
+    inside = all(0 <= n < len(r) for n in ancestors)
+    if inside and all(0 <= r[n] <= 2 for n in ancestors):
+        assert out[2].sum() == len(ancestors)
+        assert (out[1] == S[np.array(ancestors, int)]).all()
+    else:
+        assert out is None
+    H, age = np.ones((2, 1, len(r))), np.ones(len(r), int)
+    moved = result(particles.inherit, H, age, np.array(ancestors, int), births)
+    if inside and births >= 0:
+        assert moved[0].sum() == 2 * len(ancestors)
+        assert moved[1].size == len(ancestors) + births
+    else:
+        assert moved is None
+
+
+@same
+@given(st.sampled_from([[[0.1, 0.2]], "abc", [1j], [[1], [2, 3]], None, {}]))
+def test_other_things_are_refused(thing):
+    for function, more in (
+        (particles.systematic, (3, 0.5)),
+        (particles.resample, (3, 0.5)),
+        (particles.normalise, ()),
+        (particles.effective_size, ()),
+        (particles.existence_update, (0.5,)),
+    ):
+        assert result(function, thing, *more) is None

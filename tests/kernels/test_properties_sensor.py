@@ -1,0 +1,79 @@
+"""Any input to the likelihood ratios: finite ratios where a target can be, or one line."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from one_line import result
+
+from tbdcore import sensor
+
+same = settings(derandomize=True, deadline=None, max_examples=150)
+ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
+
+
+CELLS = st.floats(0.0, 20.0) | st.sampled_from([1e40, 0.0]) | ANY
+PLACES = st.floats(-1.0, 8.0) | ANY
+POSITIVE = st.floats(1e-4, 30.0) | ANY
+SHAPES = st.sampled_from([(5, 4), (1, 1), (3, 7), (0, 2)])
+usual = st.sampled_from([True, True, True, False])
+
+
+def draw_frame(data, shape, typical):
+    one = st.floats(0.0, 20.0) if typical else CELLS
+    values = data.draw(st.lists(one, min_size=4, max_size=4))
+    return np.resize(np.array(values), shape)
+
+
+@same
+@given(st.data(), SHAPES, usual)
+def test_blob_ratio(data, shape, typical):
+    z = draw_frame(data, shape, typical)
+    real = st.floats(1e-3, 30.0) if typical else POSITIVE
+    S = np.zeros((3, 5))
+    S[:, 0], S[:, 2] = data.draw(st.tuples(*[st.tuples(PLACES, PLACES, PLACES)] * 2))
+    r, peak, blur, noise = np.array([0, 1, 2]), *data.draw(st.tuples(real, real, real))
+    out = result(sensor.blob_log_ratio, z, S, r, peak, blur, noise)
+    if out is None:
+        sound = np.isfinite(z).all() and np.isfinite(S).all() and typical
+        assert not sound
+    else:
+        assert np.isfinite(out).all()
+        assert out[0] == 0
+
+
+@same
+@given(st.data(), SHAPES, usual)
+def test_power_ratios(data, shape, typical):
+    z = draw_frame(data, shape, typical)
+    real = st.floats(1e-3, 900.0) if typical else POSITIVE
+    rho, alpha = (np.array(data.draw(st.tuples(PLACES, PLACES))) for _ in range(2))
+    snr = np.array(data.draw(st.tuples(real, real)))
+    half = st.integers(0, 6) if typical else st.integers(-1, 6)
+    spread = sensor.Spread(*data.draw(st.tuples(real, real, half, half)))
+    on = (rho >= 0.5) & (rho < shape[0] + 0.5) & (alpha >= 0.5) & (alpha < shape[1] + 0.5)
+    for ratio in (sensor.power_log_ratio, sensor.coherent_log_ratio):
+        out = result(ratio, z, rho, alpha, snr, spread)
+        assert out is not None or not typical
+        if out is not None:
+            assert np.isfinite(out[on]).all()
+            assert (out[~on] == -np.inf).all()
+    fit = result(sensor.patch_fit, z, rho, alpha, spread)
+    assert fit is None or (np.isfinite(fit).all() and (fit[1] >= 0).all())
+
+
+@same
+@given(st.sampled_from([np.zeros(3), np.zeros((2, 2, 2)), np.zeros((3, 3)) * 1j, "frame", None]))
+def test_other_things_are_no_frame(thing):
+    one, spread = np.ones(1), sensor.Spread(1.0, 1.0, 1, 1)
+    for args in (
+        (sensor.blob_log_ratio, thing, np.ones((1, 5)), np.ones(1, int), 1.0, 1.0, 1.0),
+        (sensor.power_log_ratio, thing, one, one, one, spread),
+        (sensor.coherent_log_ratio, thing, one, one, one, spread),
+        (sensor.patch_fit, thing, one, one, spread),
+        (sensor.cell_power, thing, one, one),
+        (sensor.power_log_ratio, np.ones((3, 3)), one, np.ones(2), one, spread),
+        (sensor.blob_log_ratio, np.ones((3, 3)), np.ones((5, 1)), np.ones(1, int), 1.0, 1.0, 1.0),
+    ):
+        assert result(*args) is None
+    if np.ndim(thing) != 3:
+        assert result(sensor.check_frames, thing) is None
