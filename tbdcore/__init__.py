@@ -22,11 +22,16 @@ Three names are of the package itself:
     the algorithm of a notebook as a module, for tests, benchmarks and your own data.
 """
 
-from numba import njit
-
-kernel = njit(cache=True, error_model="numpy")
-
 __version__ = "1.0.0"
+
+
+def __getattr__(name):
+    """``kernel``, made when it is first asked for: the command line starts without Numba."""
+    if name != "kernel":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from numba import njit
+
+    return globals().setdefault("kernel", njit(cache=True, error_model="numpy"))
 
 
 def begin(paper, namespace):

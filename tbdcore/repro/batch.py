@@ -1,43 +1,47 @@
-"""Runs: one notebook with its time, its verdicts and its processes looked after; one notebook over
-a list of values.
+"""Runs: one notebook in a process of its own, or one notebook over a list of values.
 
 ``run`` executes a notebook and returns a :class:`Result`.  How long a paper took with the same
-parameters the last time is kept in
-``build/seconds``, so that the next run can say what to expect.  With ``resume`` a paper is skipped
-when its folder holds every product, made from the present sources with these parameters and these
-package versions.
+parameters the last time is kept in ``build/seconds``, so that the next run can say what to expect.
+With ``resume`` a paper is skipped when its folder holds every product, made from the present
+sources with these parameters and these package versions.
 
-``sweep`` runs a notebook for each value of one parameter and keeps one tidy table, a row for each
-value and claim.
+``sweep`` runs a notebook for each value of one parameter and keeps two tidy tables: the verdicts, a
+row for each value and claim, and for each claim the share of the values with each verdict.
 
-An interrupted run (Ctrl-C, a batch system's SIGTERM, a terminal that is closed) leaves the old
-products, no half-written file and no process.  papermill works in a thread for that reason: in the
-main thread it would take the signal for itself, stop the kernel, and forget the worker processes
-that the kernel had started.
+The notebook runs in a child process (this module's ``__main__``) with a session of its own.  An
+interrupt of the parent ends the child and everything that it started; the child does the same when
+its parent has disappeared.  What processes that were killed have left, the next run removes.
 """
 
 import contextlib
+import csv
+import io
 import json
 import logging
 import os
-import signal
+import re
+import shutil
+import subprocess
 import sys
+import tempfile
 import time
-from concurrent.futures import ThreadPoolExecutor, wait
-from concurrent.futures import TimeoutError as NotYet
+import traceback
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-import pandas as pd
 import psutil
 
-from tbdcore.repro import claims, pages, paths, products
+from tbdcore.repro import claims, pages, paths, products, trials
 
-GOOD, FAILED, INTERRUPTED = 0, 1, 130
-# it cleans up after killed workers, and says so
-TRACKER = "ignore::UserWarning:loky.backend.resource_tracker"
+GOOD, FAILED = 0, 1
 TICK = 1.0  # seconds between two looks at a run
-PATIENCE = 5.0  # seconds that a process has to end before it is killed
+PATIENCE = 1.5  # seconds that a process has to end before it is killed
+QUIET = {  # loky cleans up after killed workers, and says so; the debugger comments on its start
+    "PYTHONWARNINGS": "ignore::UserWarning:loky.backend.resource_tracker",
+    "PYDEVD_DISABLE_FILE_VALIDATION": "1",
+}
+TABLE = ("value", "claim", "evidence", "published", "measured", "se", "n", "z", "verdict")
 
 
 class Result(NamedTuple):
@@ -53,7 +57,7 @@ class Result(NamedTuple):
     error: str = ""
 
 
-def run(paper, values, output, *, say=print, resume=False):
+def run(paper, values, output, *, say=print, resume=False, debug=False):
     """Execute a notebook with checked parameters; returns its :class:`Result`, of a failed run too.
 
     Parameters
@@ -67,6 +71,8 @@ def run(paper, values, output, *, say=print, resume=False):
         Gets the lines of progress.
     resume : bool
         Skip what is done.
+    debug : bool
+        Print the traceback of a run that fails on standard error.
 
     Raises
     ------
@@ -75,97 +81,99 @@ def run(paper, values, output, *, say=print, resume=False):
     """
     folder = Path(values.get("out") or paths.figures())
     result = Result(paper, 0.0, {}, str(folder / paper), str(output))
+    if left := _remove_leftovers(folder / paper, output.parent):
+        say(f"{paper}: removed what a killed run had left: {', '.join(left)}")
     if resume and done(paper, values, folder):
-        result = result._replace(
-            verdicts=counts(folder / paper),
-            skipped=True,
-            notebook=str(output) if output.is_file() else "",
-        )
-        say(
-            f"{paper}: skipped, its products have these sources and parameters "
-            f"({summary(result.verdicts)})"
-        )
+        kept = str(output) if output.is_file() else ""
+        result = result._replace(verdicts=counts(folder / paper), skipped=True, notebook=kept)
+        found = summary(result.verdicts)
+        say(f"{paper}: skipped, its products have these sources and parameters ({found})")
         return result
     expected, start = _expected(paper, values), time.monotonic()
     say(f"{paper}: running" + (f", {expected:.0f} s the last time" if expected else ""))
+    error = ""
     try:
-        _watched(
-            lambda: pages.execute(paper, values, output),
-            lambda: _show(paper, time.monotonic() - start, expected),
-        )
-    except RuntimeError as error:
-        seconds, failed = round(time.monotonic() - start, 1), str(pages.failed_at(output))
-        return result._replace(seconds=seconds, notebook=failed, status=FAILED, error=str(error))
+        clock = lambda: _show_clock(paper, time.monotonic() - start, expected)  # noqa: E731
+        _execute(paper, values, output, clock, debug)
+    except RuntimeError as failure:
+        error = str(failure)
     seconds = round(time.monotonic() - start, 1)
+    if error:
+        failed = str(pages.failed_at(output))
+        return result._replace(seconds=seconds, notebook=failed, status=FAILED, error=error)
     products.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
     result = result._replace(seconds=seconds, verdicts=counts(folder / paper))
     took = f"{seconds:.0f} s" + (f", expected {expected:.0f} s" if expected else "")
-    judged = (
-        f"{sum(result.verdicts.values())} claims ({summary(result.verdicts)})"
-        if result.verdicts
-        else "done"
-    )
-    say(f"{paper}: {judged}; {took}")
+    judged = f"{sum(result.verdicts.values())} claims ({summary(result.verdicts)})"
+    say(f"{paper}: {judged if result.verdicts else 'done'}; {took}")
     return result
 
 
-def sweep(paper, name, runs, folder, *, say=print, resume=False):
-    """Run a notebook once for each value of a parameter; yields (Result, table so far).
+def sweep(paper, name, runs, folder, *, say=print, resume=False, debug=False):
+    """Run a notebook once for each value of a parameter; yields the Result of each run.
 
     `runs` is a list of (value, parameters).  The products of a value go to
-    ``folder/<name>=<value>/``; after each value
-    ``folder/<name>.csv`` holds the verdicts of all values so far: value, claim, published,
-    measured, se, n, verdict.
+    ``folder/<name>=<value>/``.  After each value ``folder/<name>.csv`` holds the verdicts of all
+    values so far, and ``folder/<name>_shares.csv`` their shares.
     """
+    import pandas as pd
+
     tables = []
     for value, values in runs:
         place = folder / f"{name}={value}"
+        output = place / pages.path(paper).name
         say(f"{name} = {value}")
-        result = run(
-            paper,
-            values | {"out": str(place)},
-            place / pages.path(paper).name,
-            say=say,
-            resume=resume,
-        )
+        values = values | {"out": str(place)}
+        result = run(paper, values, output, say=say, resume=resume, debug=debug)
         if result.status == GOOD:
             table = claims.verdicts(paper, place).rename(columns={"id": "claim"})
-            table.insert(0, "value", value)
-            tables.append(table[["value", "claim", "published", "measured", "se", "n", "verdict"]])
-            products.write(
-                folder, {f"{name}.csv": products.csv(pd.concat(tables, ignore_index=True))}
-            )
+            tables.append(table.assign(value=value))
+            every = pd.concat(tables, ignore_index=True)
+            kept = every[[column for column in TABLE if column in every]]
+            files = {f"{name}.csv": kept, f"{name}_shares.csv": shares(every)}
+            products.write(folder, {file: products.csv(frame) for file, frame in files.items()})
         yield result
+
+
+def shares(table):
+    """For each claim of a sweep's table the number of values and the share with each verdict."""
+    import pandas as pd
+
+    of = [column for column in ("claim", "evidence") if column in table]
+    each = pd.get_dummies(table["verdict"], dtype=float)
+    each = each.reindex(columns=list(claims.VERDICTS), fill_value=0.0)
+    grouped = each.groupby([table[column] for column in of], sort=False)
+    share = grouped.mean()
+    share.insert(0, "values", grouped.size())
+    return share.reset_index()
 
 
 def done(paper, values, folder):
     """Whether a folder holds every product of a paper, made from the present sources with these
     parameters and versions.
     """
+    present = {file.name for file in (folder / paper).glob("*")}
+    made = [products.record(file) for file in (folder / paper).glob("*.json")]
+    wanted = set().union(*(about["files"] for about in made))
+    if paper in claims.papers():
+        wanted.add("verdicts.csv")
+    if not made or not wanted <= present:
+        return False
     now = {
         "digest": pages.digest(paper),
         "parameters": _settings(paper, values),
         "versions": products.versions(),
     }
-    made = [products.record(file) for file in (folder / paper).glob("*.json")]
-    same = all(about.get(key) == value for about in made for key, value in now.items())
-    present = {file.name for file in (folder / paper).glob("*")}
-    judged = {"verdicts.csv"} if paper in claims.papers() else set()
-    return (
-        bool(made)
-        and same
-        and judged.union(*(about.get("files", ("?",)) for about in made)) <= present
-    )
+    return all(about.get(key) == value for about in made for key, value in now.items())
 
 
 def counts(folder):
     """How many of each verdict a folder's verdicts.csv has; none without one, as for the index."""
     if not (folder / "verdicts.csv").is_file():
         return {}
-    found = pd.read_csv(folder / "verdicts.csv", dtype=str, keep_default_na=False)[
-        "verdict"
-    ].value_counts()
-    return {verdict: int(found[verdict]) for verdict in claims.VERDICTS if verdict in found}
+    with (folder / "verdicts.csv").open(newline="", encoding="utf-8") as lines:
+        found = Counter(row.get("verdict") for row in csv.DictReader(lines))
+    return {verdict: found[verdict] for verdict in claims.VERDICTS if verdict in found}
 
 
 def summary(verdicts):
@@ -175,18 +183,18 @@ def summary(verdicts):
 
 def _settings(paper, values):
     """All parameters that can change a result, as they are read back from JSON."""
-    known = pages.parameters(paper)
-    full = {
-        name: values.get(name, parameter.default)
-        for name, parameter in known.items()
+    known = {
+        name: parameter.default
+        for name, parameter in pages.parameters(paper).items()
         if name not in pages.PLUMBING
     }
-    return json.loads(json.dumps(full))
+    return json.loads(json.dumps({name: values.get(name, known[name]) for name in known}))
 
 
 def _key(paper, values):
     """File that keeps the time of a run."""
-    return f"{paper}_{products.digest([json.dumps(_settings(paper, values), sort_keys=True).encode()])}"
+    settings = json.dumps(_settings(paper, values), sort_keys=True)
+    return f"{paper}_{products.digest([settings.encode()])}"
 
 
 def _expected(paper, values):
@@ -195,57 +203,109 @@ def _expected(paper, values):
         return float((paths.BUILD / "seconds" / _key(paper, values)).read_text())
 
 
-def _show(paper, elapsed, expected):
-    """The clock of a run, on a terminal only."""
+def _show_clock(paper, elapsed, expected):
+    """The time that a run has taken so far, on a terminal only."""
     if sys.stderr.isatty():
         of = f" of about {expected:.0f}" if expected else ""
         print(f"\r{paper}: {elapsed:.0f}{of} s\033[K\r", end="", file=sys.stderr, flush=True)
 
 
-def _watched(work, tick):
-    """Do some work in a thread of its own; no process that it starts outlives it."""
-    os.environ.setdefault("PYTHONWARNINGS", TRACKER)
-    here = psutil.Process()
-    before, seen = set(here.children(recursive=True)), set()
-    with _terminable(), ThreadPoolExecutor(1) as pool:
-        job = pool.submit(work)
-        try:
-            while True:
-                seen |= set(here.children(recursive=True)) - before
-                with contextlib.suppress(NotYet):
-                    job.exception(timeout=TICK)
-                    return job.result()
-                tick()
-        finally:
-            if not job.done():
-                logging.disable()  # what the client of a killed kernel has to say
-                seen |= set(here.children(recursive=True)) - before
-            _end(seen)
-            wait([job])
-            logging.disable(logging.NOTSET)
+# The child process -----------------------------------------------------------------------------
 
 
-@contextlib.contextmanager
-def _terminable():
-    """A request to end (SIGTERM), or the end of the terminal (SIGHUP), is a Ctrl-C."""
-    before = {}
-    with contextlib.suppress(ValueError):  # not the main thread
-        before = {
-            number: signal.signal(number, signal.default_int_handler)
-            for number in products.ENDING[1:]
-        }
+def _execute(paper, values, output, tick, debug):
+    """Execute a notebook in a child process; no process that it starts outlives this call.
+
+    Raises as :func:`tbdcore.repro.pages.execute` does.
+    """
+    own = psutil.Process()
+    before, seen, child = set(own.children(recursive=True)), set(), None
+    paths.BUILD.mkdir(exist_ok=True)
+    place = Path(tempfile.mkdtemp(suffix=f".{os.getpid()}.part", dir=paths.BUILD))
+    job = json.dumps([paper, values, str(output), str(place), os.getpid()])
+    words = [sys.executable, "-m", "tbdcore.repro.batch", job]
+    environment = QUIET | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
+    options = {"stdin": subprocess.DEVNULL, "env": environment, "start_new_session": True}
     try:
-        yield
+        with (place / "stderr").open("wb") as said:
+            child = subprocess.Popen(words, stdout=said, stderr=said, **options)
+        while child.poll() is None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(TICK)
+            seen |= set(own.children(recursive=True)) - before
+            tick()
+        _raise_failure(paper, child.returncode, place, debug)
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler or signal.SIG_DFL)
+        with products.signals_held():
+            if child and child.poll() is None:
+                child.kill()  # nbclient would take a SIGTERM for itself
+            _end(seen | set(own.children(recursive=True)) - before)
+            shutil.rmtree(place, ignore_errors=True)
+            _remove_leftovers(Path(values.get("out") or paths.figures()) / paper, output.parent)
+
+
+def _raise_failure(paper, code, place, debug):
+    """Raise what a child process reports in its folder; one that died reports nothing."""
+    said = (place / "stderr").read_text(encoding="utf-8", errors="replace").split("\n")
+    own = [line.strip() for line in said if line.strip() and "[IPKernelApp]" not in line]
+    last = f": {own[-1][:200]}" if own else ""
+    outcome = {"kind": "", "error": f"{paper}: the run died with code {code}{last}; run it again"}
+    with contextlib.suppress(OSError):
+        outcome = json.loads((place / "outcome").read_text(encoding="utf-8"))
+    if outcome and debug:
+        print(outcome.get("trace", "\n".join(said)), file=sys.stderr)
+    if outcome:
+        kinds = {"ValueError": ValueError, "OSError": OSError}
+        error = outcome["error"].replace("the kernel died;", f"the kernel died{last};")
+        raise kinds.get(outcome["kind"], RuntimeError)(error)
+
+
+def _main(paper, values, output, place, parent):
+    """The child process: executes a notebook and reports in a folder how it ended."""
+    trials.end_with_parent(parent)
+    logging.disable()
+    sys.stderr = io.StringIO()  # so that what is in the file comes from the kernel
+    outcome = {}
+    try:
+        pages.execute(paper, values, Path(output))
+    except Exception as error:
+        known = [kind for kind in (ValueError, OSError, RuntimeError) if isinstance(error, kind)]
+        text = str(error) if known else f"{paper}: {type(error).__name__}: {error}"
+        outcome = {"kind": known[0].__name__ if known else "", "error": text}
+        outcome["trace"] = traceback.format_exc()
+    products.write(Path(place), {"outcome": json.dumps(outcome).encode()})
 
 
 def _end(processes):
     """End processes: ask, wait, kill."""
-    processes = [process for process in processes if process.is_running()]
     for act in (psutil.Process.terminate, psutil.Process.kill):
+        processes = [process for process in processes if process.is_running()]
         for process in processes:
             with contextlib.suppress(psutil.NoSuchProcess):
                 act(process)
         _, processes = psutil.wait_procs(processes, timeout=PATIENCE)
+
+
+def _remove_leftovers(*folders):
+    """Remove what processes that no longer exist were writing; returns the names."""
+    own = [paths.ROOT, paths.NOTEBOOKS, paths.BUILD, paths.BUILD / "seconds", paths.BUILD / "pages"]
+    removed = []
+    for file in {file for folder in (*folders, *own) for file in folder.glob("*.part*")}:
+        writer = re.search(r"\.(\d+)\.part(\.ipynb)?$", file.name)
+        with contextlib.suppress(OSError):
+            if writer and not _exists(int(writer[1]), file.stat().st_mtime):
+                shutil.rmtree(file) if file.is_dir() else file.unlink()
+                removed.append(file.name)
+    return sorted(removed)
+
+
+def _exists(pid, when):
+    """Whether the process that had an id at some time still runs."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        process = psutil.Process(pid)
+        return process.create_time() < when + 1 and process.status() != psutil.STATUS_ZOMBIE
+    return False
+
+
+if __name__ == "__main__":
+    _main(*json.loads(sys.argv[1]))

@@ -43,8 +43,9 @@ def product(id):
     """Everything that is known of a product; ValueError, with the nearest id, if there is none."""
     known = ids()
     if id not in known:
-        nearest = f"the nearest is {claims.nearest(id, known)!r}; tbdcore cite lists them"
-        advice = nearest if known else "there are none in this folder; make them: tbdcore run"
+        advice = f"there are none in {paths.figures()}; make them: tbdcore run"
+        if known:
+            advice = f"the nearest is {claims.nearest(id, known)!r}; tbdcore cite lists them"
         raise ValueError(f"{id!r}: no such figure or table; {advice}")
     return products.record(paths.figures() / f"{id}.json")
 
@@ -64,9 +65,8 @@ def text(id, form=""):
     about, have = product(id), files(id)
     if form == "caption":
         return f"{about['caption']}\n"
-    if form == "bibtex":  # the index is of no paper
-        own = [paper_entry(about["paper"])] if about["paper"] in _papers() else []
-        return "\n".join([*own, repository_entry()])
+    if form == "bibtex":
+        return entries(about["paper"])
     if form == "latex":
         return _latex(about, have)
     if form == "markdown":
@@ -121,7 +121,7 @@ def _latex(about, have):
 def _after(about):
     """How a caption names the paper: a product of ours beyond the paper is not after it."""
     name = about["id"].partition("/")[2]
-    if about["paper"] not in _papers():
+    if about["paper"] not in pages.papers():
         return "Computed"
     origin = "Not in" if name.startswith(("beyond_", "open_")) else "After"
     return f"{origin}~\\cite{{{about['paper']}}}, computed"
@@ -146,7 +146,7 @@ def entry(kind, key, fields):
 
 def paper_entry(paper):
     """BibTeX of a paper: an @article where everything is known that one needs, else a @misc."""
-    about = _papers()[paper]
+    about = papers()[paper]
     fields = {name: _latin(str(about.get(name, ""))) for name in FIELDS}
     fields["author"] = products.tex(" and ".join(about.get("authors", ())))
     fields["key"] = "" if fields["author"] else fields["title"]
@@ -195,8 +195,29 @@ def _name(who):
     )
 
 
-def _papers():
-    return tomllib.loads(paths.BIBLIOGRAPHY.read_text(encoding="utf-8"))
+def papers():
+    """What papers.toml says of each paper; ValueError, naming the file, when it is damaged."""
+    name = paths.BIBLIOGRAPHY.name
+    try:
+        known = tomllib.loads(paths.BIBLIOGRAPHY.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{name}: no TOML ({error}); take it from the repository again") from None
+    for paper in pages.papers():
+        about = known.get(paper)
+        if not isinstance(about, dict):
+            near = f"; is [{claims.nearest(paper, known)}] meant for it?" if known else ""
+            raise ValueError(f"{name}: there is no table [{paper}]{near}")
+        missing = [key for key in ("title", "short", "topic") if not about.get(key)]
+        if missing:
+            raise ValueError(f"{name}: table [{paper}] has no {', '.join(missing)}; add it")
+    return {paper: known[paper] for paper in pages.papers()}
+
+
+def entries(paper):
+    """BibTeX of a notebook: of its paper, unless it is the index, and of this repository."""
+    pages.path(paper)  # there is one
+    own = [paper_entry(paper)] if paper in pages.papers() else []
+    return "\n".join([*own, repository_entry()])
 
 
 def bibliography():
@@ -210,7 +231,7 @@ def bibliography():
 
 def gallery():
     """figures/README.md: every figure and table with caption, verdicts and files."""
-    folder = paths.figures()
+    folder, known = paths.figures(), papers()
     lines = [
         "# Figures and tables",
         "",
@@ -219,7 +240,7 @@ def gallery():
         "",
     ]
     for paper in pages.everything():
-        about, page = _papers().get(paper), pages.path(paper)
+        about, page = known.get(paper), pages.path(paper)
         said = f"{about['short']}: *{about['title']}*. " if about else ""
         lines += [f"## {about['topic'] if about else 'All papers'}", ""]
         lines += [f"{said}Notebook [{page.stem}]({_relative(page, folder)}).", ""]

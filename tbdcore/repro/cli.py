@@ -1,31 +1,44 @@
-"""The command line: ``tbdcore run | sweep | score | cite | which | doctor``.
+"""The command line: ``tbdcore run | sweep | score | cite | which | list | doctor | --version``.
 
-``run``     executes notebooks with checked parameters, one line of progress each, products written only on success
+``run``     executes notebooks with checked parameters; products are written only on success
 ``sweep``   executes one notebook for each value of a parameter
 ``score``   the scorecard of all papers from their verdicts
-``cite``    caption, files and BibTeX of a figure or table
-``which``   what a picture is, what made it, and whether that has changed since
+``cite``    caption, files and BibTeX of a figure or table; the ids of all
+``which``   what a file is, what made it, and whether that has changed since
+``list``    the papers; one paper's parameters, figures and tables
 ``doctor``  whether this machine can run it all
 
-Exit codes: 0 good, 1 a check failed, 2 bad usage or input, 3 the environment.  An error is one line
-on standard error: what, where, what to do.
+Exit codes: 0 good, 1 a check failed, 2 bad usage or input, 3 the environment, 130 interrupted.  An
+error is one line on standard error: what, where, what to do; ``--debug`` shows the traceback.
 """
 
 import argparse
 import ast
+import contextlib
 import json
 import os
+import re
+import signal
 import sys
+import textwrap
+import traceback
 from functools import partial
 from pathlib import Path
 
-from tbdcore.repro import paths
+import tbdcore
+from tbdcore.repro import paths, products
 
-GOOD, FAILED, USAGE, ENVIRONMENT = 0, 1, 2, 3
+GOOD, FAILED, USAGE, ENVIRONMENT, INTERRUPTED = 0, 1, 2, 3, 130
+FORMS = {
+    "bibtex": "entries of the paper and of this repository",
+    "caption": "the caption alone",
+    "latex": "a complete figure or table environment",
+    "markdown": "for Markdown",
+}
 
 
-class Fault(Exception):
-    """An error to be told in one line, with its exit code."""
+class CommandError(Exception):
+    """An error that is reported in one line, with its exit code."""
 
     def __init__(self, message, code=USAGE):
         super().__init__(message)
@@ -34,169 +47,213 @@ class Fault(Exception):
 
 def main(argv=None):
     """Entry point; returns the exit code."""
+    words = sys.argv[1:] if argv is None else argv
+    report = partial(_report, debug="--debug" in words)
     try:
-        arguments = _parser().parse_args(argv)
-        paths.root()
-        return arguments.command(arguments)
-    except Fault as fault:
-        return _complain(fault, fault.code)
-    except (ValueError, FileNotFoundError) as error:
-        return _complain(error, USAGE)
+        with _interruptible():
+            arguments = _parse(words)
+            paths.root()
+            with _figures(getattr(arguments, "figures", None)):
+                return arguments.command(arguments)
+    except CommandError as error:
+        return report(error, error.code)
     except ModuleNotFoundError as error:
-        said = f"{error.name} is missing; this needs the extra repro: pip install 'tbdcore[repro]'"
-        return _complain(said, ENVIRONMENT)
+        extra = "this needs the extra repro: pip install 'tbdcore[repro]'"
+        return report(f"{error.name} is missing; {extra}", ENVIRONMENT)
+    except BrokenPipeError:  # the reader of our output wants no more of it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return GOOD
     except OSError as error:
-        return _complain(error, ENVIRONMENT)
+        return report(error, USAGE if isinstance(error, FileNotFoundError) else ENVIRONMENT)
+    except ValueError as error:
+        return report(error, USAGE)
     except KeyboardInterrupt:
-        return _complain("interrupted; finished papers are kept, nothing is half written", 130)
+        said = "interrupted; finished papers are kept, nothing is half written"
+        return report(said, INTERRUPTED)
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}; this is a bug, --debug shows where"
+        return report(said, FAILED)
 
 
-def _complain(error, code):
-    print(f"tbdcore: {' '.join(str(error).split())}", file=sys.stderr)
+def _report(error, code, debug=False):
+    """Print an error in one line, or its traceback; returns the exit code."""
+    with contextlib.suppress(OSError):  # the terminal may be gone
+        if debug and sys.exc_info()[0]:
+            traceback.print_exc()
+        else:
+            print(f"tbdcore: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
     return code
 
 
+@contextlib.contextmanager
+def _interruptible():
+    """SIGTERM and SIGHUP act like Ctrl-C; what the caller ignores (nohup) stays ignored."""
+    before = {}
+    with contextlib.suppress(ValueError):  # not the main thread
+        for number in products.ENDING:
+            if signal.getsignal(number) != signal.SIG_IGN:
+                before[number] = signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+@contextlib.contextmanager
+def _figures(folder):
+    """The folder of --figures is the one whose products are read."""
+    before = os.environ.get("TBDCORE_FIGURES")
+    if folder is not None:
+        if not Path(folder).is_dir():
+            raise CommandError(f"--figures {folder}: no such folder; give one that holds products")
+        os.environ["TBDCORE_FIGURES"] = folder
+    try:
+        yield
+    finally:
+        if folder is not None:
+            os.environ.pop("TBDCORE_FIGURES")
+            os.environ.update({"TBDCORE_FIGURES": before} if before else {})
+
+
+# Words of the command line ---------------------------------------------------------------------
+
+
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
+    """A parser whose errors are one line with the nearest valid word."""
 
     def error(self, message):
-        raise Fault(f"{message}; see: {self.prog} --help")
+        wrong = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
+        if wrong:
+            advice = f"the nearest is {_nearest(wrong[1], re.findall(r'[a-z]+', wrong[2]))!r}"
+            message = f"there is no command {wrong[1]!r}; {advice}"
+        raise CommandError(f"{message}; see: {self.prog} --help")
 
 
-def _parser():
-    parser = _Parser(
-        prog="tbdcore", description="Run, score and cite the reproduction of five radar papers."
-    )
-    commands = parser.add_subparsers(required=True, metavar="command", parser_class=_Parser)
-    run = commands.add_parser(
-        "run",
-        help="execute notebooks",
-        description="Execute notebooks; all papers if none is named.",
-    )
-    run.add_argument("papers", nargs="*", metavar="PAPER")
-    _running(run)
-    run.add_argument("--out", metavar="DIR", help="folder for the products instead of figures/")
-    run.add_argument(
-        "--in-place", action="store_true", help="refresh the committed notebooks as well"
-    )
-    run.set_defaults(command=_run)
-    sweep = commands.add_parser(
-        "sweep",
-        help="one notebook over values of a parameter",
-        description="Tidy CSV of all verdicts.",
-    )
-    sweep.add_argument("paper", metavar="PAPER")
-    sweep.add_argument(
-        "values", metavar="name=v1,v2,...", help="values of one parameter; between lists write ;"
-    )
-    _running(sweep)
-    sweep.add_argument(
-        "--out", metavar="DIR", help="folder for table and products instead of build/sweep/PAPER"
-    )
-    sweep.set_defaults(command=_sweep)
-    score = commands.add_parser(
-        "score",
-        help="scorecard from the verdicts",
-        description="Scorecard from the verdicts of all papers.",
-    )
-    score.add_argument(
-        "--figures", metavar="DIR", help="folder that holds the products, instead of figures/"
-    )
-    score.add_argument(
-        "--check",
-        action="store_true",
-        help="write nothing; fail when scorecard or README are stale",
-    )
-    score.set_defaults(command=_score)
-    cite = commands.add_parser("cite", help="caption, files and BibTeX of a figure or table")
-    cite.add_argument("id", metavar="PAPER/NAME", help="for instance track_cfar/fig05")
-    forms = cite.add_mutually_exclusive_group()
-    for form, said in _FORMS.items():
-        forms.add_argument(
-            f"--{form}", dest="form", action="store_const", const=form, default="", help=said
-        )
-    cite.add_argument(
-        "--figures", metavar="DIR", help="folder that holds the products, instead of figures/"
-    )
-    cite.set_defaults(command=_cite)
-    which = commands.add_parser(
-        "which", help="what a file is, what made it, and whether that has changed since"
-    )
-    which.add_argument(
-        "file", metavar="FILE", help="a PDF, SVG or PNG that tbdcore made, wherever it is now"
-    )
-    which.set_defaults(command=_which)
-    doctor = commands.add_parser(
-        "doctor", help="whether this machine can run it all, with a self-test"
-    )
-    doctor.set_defaults(command=_doctor)
-    return parser
+def _nearest(word, words):
+    from tbdcore.repro import claims
+
+    return claims.nearest(word, words)
 
 
-_FORMS = {
-    "bibtex": "entries of the paper and of this repository",
-    "caption": "the caption alone",
-    "latex": "a complete figure or table environment",
-    "markdown": "for Markdown",
-}
+def _parse(words):
+    """The arguments; CommandError when a word is not known."""
+    parser, parsers = _parsers()
+    arguments, unknown = parser.parse_known_args(words)
+    if unknown:
+        own = parsers[arguments.name]
+        known = [option for action in own._actions for option in action.option_strings]
+        advice = f"the nearest is {_nearest(unknown[0], known)}; " if unknown[0][0] == "-" else ""
+        own.error(f"{' '.join(unknown)}: not understood; {advice}".rstrip("; "))
+    return arguments
 
 
-def _running(parser):
+def _parsers():
+    """The parser, and those of the commands by name."""
+    look = {"formatter_class": argparse.RawDescriptionHelpFormatter}
+    debug = {"action": "store_true", "help": "show the traceback of an error"}
+    about = "Run, score and cite the reproduction of five radar papers."
+    after = "examples:\n  tbdcore list\n  tbdcore run track_cfar --quick\n  tbdcore cite"
+    parser = _Parser(prog="tbdcore", description=about, epilog=after, **look)
+    parser.add_argument("--version", action="version", version=f"tbdcore {tbdcore.__version__}")
+    parser.add_argument("--debug", **debug)
+    group = parser.add_subparsers(
+        required=True, metavar="command", parser_class=_Parser, dest="name"
+    )
+    parsers = {}
+
+    def command(function, help, *examples):
+        name = function.__name__.strip("_")
+        epilog = "\n  ".join(["examples:", *(f"tbdcore {name} {words}" for words in examples)])
+        own = group.add_parser(name, help=help, description=help, epilog=epilog.rstrip(), **look)
+        own.set_defaults(command=function)
+        own.add_argument("--debug", default=argparse.SUPPRESS, **debug)
+        parsers[name] = own
+        return own.add_argument
+
+    examples = ("", "track_cfar dp_tbd", "mda_tbd -p n_trials=20 -p seed=3", "--quick --resume")
+    add = command(_run, "execute notebooks; all if none is named", *examples)
+    add("papers", nargs="*", metavar="PAPER")
+    _add_running(add)
+    add("--out", metavar="DIR", help="folder for the products instead of figures/")
+    add("--in-place", action="store_true", help="refresh the committed notebooks as well")
+
+    help = "execute one notebook for each value of a parameter; tables of all verdicts"
+    examples = ("track_cfar seed=1,2,3 --resume", "dp_tbd 'snr_db=[3,4];[5,6]' --quick")
+    add = command(_sweep, help, *examples)
+    add("paper", metavar="PAPER")
+    add("values", metavar="name=v1,v2,...", help="one parameter; between lists write ;")
+    _add_running(add)
+    add("--out", metavar="DIR", help="folder for tables and products, not build/sweep/PAPER")
+
+    def add_figures():
+        add("--figures", metavar="DIR", help="folder with the products, instead of figures/")
+
+    add = command(_score, "write the scorecard of all papers", "", "--check", "--figures build/run")
+    add_figures()
+    add("--check", action="store_true", help="write nothing; fail when a file is stale")
+
+    help = "caption, files and BibTeX of a figure or table; without a name the ids of all"
+    add = command(_cite, help, "", "track_cfar", "track_cfar/fig5 --latex", "dp_tbd --bibtex")
+    add("id", nargs="?", default="", metavar="PAPER[/NAME]", help="as tbdcore cite lists them")
+    forms = parsers["cite"].add_mutually_exclusive_group()
+    for form, said in FORMS.items():
+        store = {"dest": "form", "action": "store_const", "const": form, "default": ""}
+        forms.add_argument(f"--{form}", help=said, **store)
+    add_figures()
+
+    help = "what a file is, what made it, and whether that has changed since"
+    add = command(_which, help, "report/picture.pdf", "figures/track_cfar/table2.csv")
+    add("file", metavar="FILE", help="a product of tbdcore, wherever it is now")
+    add_figures()
+
+    help = "the papers; of one paper its parameters, figures and tables"
+    add = command(_list, help, "", "track_cfar")
+    add("paper", nargs="?", metavar="PAPER")
+    add_figures()
+
+    command(_doctor, "whether this machine can run it all, with a self-test", "")
+    return parser, parsers
+
+
+def _add_running(add):
     """The options that every execution has."""
-    parser.add_argument(
-        "-p",
-        dest="given",
-        action="append",
-        default=[],
-        metavar="name=value",
-        help="set a parameter of the notebooks",
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="few trials, into build/; never touches figures/"
-    )
-    parser.add_argument("--workers", type=int, metavar="N", help="processes, 0 for one per core")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a dask scheduler")
-    parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="skip what is done with the same sources and parameters",
-    )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="a JSON object for each run on standard output, progress elsewhere",
-    )
+    given = {"dest": "given", "action": "append", "default": [], "metavar": "name=value"}
+    add("-p", help="set a parameter; tbdcore list PAPER shows them", **given)
+    add("--quick", action="store_true", help="few trials, into build/; never touches figures/")
+    add("--workers", type=int, metavar="N", help="processes, 0 for one per core")
+    add("--scheduler", metavar="ADDRESS", help="address of a dask scheduler")
+    done = "skip what is done with the same sources and parameters"
+    add("--resume", action="store_true", help=done)
+    add("--json", action="store_true", help="one JSON object per run on standard output")
+
+
+# Runs ------------------------------------------------------------------------------------------
 
 
 def _run(arguments):
-    """Execute the notebooks of some papers one after the other; a paper that fails does not stop
-    the others.
-    """
+    """Execute some notebooks; one that fails does not stop the others."""
     from tbdcore.repro import batch, pages
 
     named = arguments.papers or (pages.papers() if arguments.given else pages.everything())
     jobs = {paper: _values(paper, arguments) for paper in named}
-    _reachable(jobs.values())
-    if arguments.in_place and (
-        arguments.given or arguments.quick or arguments.out or arguments.resume
-    ):
-        raise Fault(
+    changed = arguments.given or arguments.quick or arguments.out or arguments.resume
+    if arguments.in_place and changed:
+        raise CommandError(
             "--in-place executes the committed notebooks with their defaults; drop -p, --quick, "
             "--out and --resume"
         )
+    _find_clusters(jobs.values(), arguments)
     folder = paths.BUILD / "quick" if arguments.quick else paths.BUILD
+    options = {"say": _progress(arguments), "resume": arguments.resume, "debug": arguments.debug}
     status = GOOD
     for paper, values in jobs.items():
         output = folder / pages.path(paper).name
-        result = _told(
-            arguments,
-            paper,
-            partial(
-                batch.run, paper, values, output, say=_voice(arguments), resume=arguments.resume
-            ),
-        )
+        result = _result(arguments, paper, partial(batch.run, paper, values, output, **options))
         if arguments.in_place and result.status == GOOD:
-            _refresh(paper, output)
+            notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
+            text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
+            products.write(paths.NOTEBOOKS, {output.name: text.encode()})
         status = max(status, result.status)
     return status
 
@@ -205,104 +262,91 @@ def _sweep(arguments):
     """Run one notebook for each value of a parameter."""
     from tbdcore.repro import batch, pages
 
+    paper = arguments.paper
     name, equals, text = arguments.values.partition("=")
-    known = pages.parameters(arguments.paper)
-    if arguments.paper not in pages.papers():
-        raise Fault(
-            f"sweep {arguments.paper}: it has no verdicts to tabulate; "
+    known = pages.parameters(paper)
+    if paper not in pages.papers():
+        raise CommandError(
+            f"sweep {paper}: it has no verdicts to tabulate; "
             f"sweep one of {', '.join(pages.papers())}"
         )
     if not equals or not text:
-        raise Fault(f"sweep {arguments.values}: write the parameter and its values as name=v1,v2")
+        raise CommandError(
+            f"sweep {arguments.values}: write the parameter and its values as name=v1,v2"
+        )
     if name in pages.PLUMBING:
-        raise Fault(f"sweep {name}: it cannot change a result; sweep another parameter")
+        raise CommandError(f"sweep {name}: it cannot change a result; sweep another parameter")
     listed = text.split(";" if name in known and known[name].type == "list" else ",")
-    sets = [
-        argparse.Namespace(**vars(arguments) | {"given": [*arguments.given, f"{name}={value}"]})
-        for value in listed
-    ]
-    runs = [
-        (value, _values(arguments.paper, each)) for value, each in zip(listed, sets, strict=True)
-    ]
-    _reachable(values for _, values in runs)
-    folder = (
-        pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / arguments.paper
-    )
-    results = batch.sweep(
-        arguments.paper, name, runs, folder, say=_voice(arguments), resume=arguments.resume
-    )
-    ended = [_told(arguments, arguments.paper, partial(next, results)).status for _ in runs]
+    runs = []
+    for value in listed:
+        values = _values(paper, arguments, f"{name}={value}")
+        if any(values[name] == earlier[name] for _, earlier in runs):
+            raise CommandError(f"sweep {name}: {value} is given twice; give each value once")
+        runs.append((value, values))
+    _find_clusters([values for _, values in runs], arguments)
+    folder = paths.BUILD / "sweep" / paper
+    if arguments.out:
+        folder = pages.usable(arguments.out)
+    options = {"say": _progress(arguments), "resume": arguments.resume, "debug": arguments.debug}
+    results = batch.sweep(paper, name, runs, folder, **options)
+    ended = [_result(arguments, paper, partial(next, results)).status for _ in runs]
     if GOOD in ended:
-        _voice(arguments)(f"{arguments.paper}: table in {folder / name}.csv")
+        options["say"](f"{paper}: tables in {folder / name}.csv and {name}_shares.csv")
     return max(ended)
 
 
-def _voice(arguments):
-    """Where lines of progress go: to standard output, or past the JSON that is there."""
+def _progress(arguments):
+    """A function that prints a line of progress: on standard error where JSON goes to the other."""
     return partial(print, file=sys.stderr if arguments.json else sys.stdout, flush=True)
 
 
-def _told(arguments, paper, run):
+def _result(arguments, paper, run):
     """The result of a run, reported."""
     try:
         result = run()
     except KeyboardInterrupt:
         if arguments.json:
-            print(json.dumps({"paper": paper, "status": 130, "error": "interrupted"}), flush=True)
+            ended = {"paper": paper, "status": INTERRUPTED, "error": "interrupted"}
+            print(json.dumps(ended), flush=True)
         raise
     if arguments.json:
         print(json.dumps(result._asdict(), ensure_ascii=False), flush=True)
     if result.status:
-        _complain(result.error, result.status)
+        _report(result.error, result.status)
     return result
 
 
-def _refresh(paper, output):
-    """Put an executed notebook, cleaned, in the place of the committed one."""
-    from tbdcore.repro import pages, products
+def _values(paper, arguments, *more):
+    """The checked parameters of one notebook that the command line sets.
 
-    notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
-    text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
-    products.write(paths.NOTEBOOKS, {pages.path(paper).name: text.encode()})
-
-
-def _values(paper, arguments):
-    """The parameters of one notebook that the command line sets, checked, as its claims and its
-    folder are.
+    Its claims file and the folder for its products are checked as well.
     """
     from tbdcore.repro import claims, pages
 
     known = pages.parameters(paper)
-    if paper in pages.papers():
+    if paper in claims.papers() or paper in pages.papers():
         claims.read(paper)
     values = {}
     if arguments.quick:
-        values |= {
-            name: parameter.quick
-            for name, parameter in known.items()
-            if parameter.quick is not None
-        }
+        quick = {name: parameter.quick for name, parameter in known.items()}
+        values = {name: value for name, value in quick.items() if value is not None}
         values["out"] = str(paths.BUILD / "quick")
-    values |= {
-        name: getattr(arguments, name)
-        for name in ("workers", "scheduler", "out")
-        if getattr(arguments, name) is not None
-    }
-    for text in arguments.given:
+    options = {name: getattr(arguments, name) for name in pages.PLUMBING}
+    values |= {name: value for name, value in options.items() if value is not None}
+    for text in (*arguments.given, *more):
         name, equals, value = text.partition("=")
         if not equals:
-            raise Fault(f"-p {text}: write -p name=value")
+            raise CommandError(f"-p {text}: write -p name=value")
         values[name] = _value(value, known[name].type if name in known else "str")
     values = pages.validate(paper, values)
-    changed = any(
-        values[name] != known[name].default for name in values if name not in pages.PLUMBING
-    )
+    settings = [name for name in values if name not in pages.PLUMBING]
+    changed = any(values[name] != known[name].default for name in settings)
     if changed and not values.get("out"):
         values["out"] = str(paths.BUILD / "run")
     paths.BUILD.mkdir(exist_ok=True)
     folder = pages.usable(values.get("out") or paths.figures())
     if changed and folder == paths.PRODUCTS.resolve():
-        raise Fault(
+        raise CommandError(
             f"--out {values['out']}: the repository's figures are for default parameters; "
             f"give these another folder: build/try"
         )
@@ -313,90 +357,83 @@ def _value(text, kind):
     """A parameter from the command line: text for a str, a Python literal for everything else."""
     if kind == "str":
         return text
+    if kind == "list" and not text.startswith("["):
+        text = f"[{text}]"
     try:
-        value = ast.literal_eval(
-            f"[{text}]"
-            if kind == "list" and not text.startswith("[")
-            else text.capitalize()
-            if kind == "bool"
-            else text
-        )
-    except (ValueError, SyntaxError):
+        return ast.literal_eval(text.capitalize() if kind == "bool" else text)
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
         return text  # of the wrong type, as validate will say
-    return value
 
 
-def _reachable(jobs):
-    """Raise unless the dask schedulers that some sets of parameters name answer."""
+def _find_clusters(jobs, arguments):
+    """Say what the dask clusters that some sets of parameters name have; raise without one."""
     from tbdcore.repro import trials
 
-    for scheduler in {values.get("scheduler", "") for values in jobs} - {""}:
+    for address in {values.get("scheduler", "") for values in jobs} - {""}:
         try:
-            trials.run(_nothing, 1, seed=0, scheduler=scheduler)
+            workers, threads = trials.cluster(address)
         except ConnectionError as error:
-            raise Fault(error, ENVIRONMENT) from None
+            raise CommandError(error, ENVIRONMENT) from None
+        _progress(arguments)(f"scheduler {address}: workers {workers}, threads {threads}")
 
 
-def _nothing(seed, i):
-    return 0.0
+# Products --------------------------------------------------------------------------------------
 
 
 def _score(arguments):
-    """Write the scorecard and README's table and print them; fail when a claim is missing or its
-    verdict has changed.
+    """Write the scorecard's files; fail when a claim is missing or its verdict has changed."""
+    from tbdcore.repro import claims, scorecard
 
-    figures/scorecard.csv holds every verdict, scorecard.md the counts, figures/README.md all
-    products, figures.bib the papers.
-    """
-    from tbdcore.repro import cite, claims, products
-
-    folder = _products_of(arguments)
+    folder = paths.figures()
     for paper in claims.papers():
         claims.read(paper)
+    listed = paths.CLAIMS / "CHANGES.md"
     try:
-        every, text = claims.ledger(folder), products.markdown(claims.scorecard(folder))
+        claims.ledger(folder)
+        if complaints := claims.history() if listed.is_file() else []:
+            raise ValueError("; ".join(complaints))
     except (ValueError, FileNotFoundError) as error:
-        raise Fault(error, FAILED) from None
-    files = {folder / "scorecard.csv": products.csv(every), folder / "scorecard.md": text.encode()}
-    files |= {
-        folder / "figures.bib": cite.bibliography().encode(),
-        folder / "README.md": cite.gallery().encode(),
-    }
-    if not arguments.figures:
-        files[paths.README] = _readme(every).encode()
-    print(text, end="")
-    changes = _changes(folder / "scorecard.csv", every)
-    stale = [
-        path.name
-        for path, content in files.items()
-        if not path.is_file() or path.read_bytes() != content
-    ]
+        raise CommandError(error, FAILED) from None
+    files = scorecard.files(folder, readme=not arguments.figures)
+    changes, stale = scorecard.changes(folder), scorecard.stale(files)
+    print(files[folder / "scorecard.md"].decode(), end="")
     if arguments.check and stale:
-        raise Fault(f"{', '.join(stale)}: not what the verdicts say; run: tbdcore score", FAILED)
+        advice = "not what the verdicts say; run: tbdcore score"
+        raise CommandError(f"{', '.join(stale)}: {advice}", FAILED)
     for path, content in files.items():
         products.write(path.parent, {path.name: content})
     if changes:
-        raise Fault(
-            f"{len(changes)} verdicts are not those of the last scorecard: {'; '.join(changes)}",
-            FAILED,
-        )
+        count = f"{len(changes)} verdicts are not those of the last scorecard"
+        raise CommandError(f"{count}: {'; '.join(changes)}", FAILED)
     return GOOD
-
-
-def _products_of(arguments):
-    """The folder whose products are read: that of --figures, from here on for all modules."""
-    if arguments.figures:
-        os.environ["TBDCORE_FIGURES"] = arguments.figures
-    return paths.figures()
 
 
 def _cite(arguments):
-    """What a report needs of a figure or table."""
-    from tbdcore.repro import cite
+    """What a report needs of a figure or table; the ids of a paper's, or of all."""
+    from tbdcore.repro import cite, pages
 
-    _products_of(arguments)
-    print(cite.text(arguments.id, arguments.form), end="")
+    if "/" in arguments.id:
+        print(cite.text(arguments.id, arguments.form), end="")
+    elif arguments.form == "bibtex":
+        print(cite.entries(arguments.id) if arguments.id else cite.bibliography(), end="")
+    elif arguments.form:
+        advice = "give the id of a figure or table; tbdcore cite lists them"
+        raise CommandError(f"--{arguments.form} {arguments.id or 'without an id'}: {advice}")
+    else:
+        print(_captions([arguments.id] if arguments.id else pages.everything()), end="")
     return GOOD
+
+
+def _captions(papers):
+    """Ids and captions of the products of some papers."""
+    from tbdcore.repro import cite, pages
+
+    missing = [paper for paper in papers if pages.path(paper) and not cite.ids(paper)]
+    if missing == list(papers):
+        made = f"make them: tbdcore run {papers[0] if len(papers) == 1 else ''}"
+        raise CommandError(f"{', '.join(papers)}: no products in {paths.figures()}; {made}")
+    captions = {id: textwrap.fill(cite.product(id)["caption"], 96) for id in cite.ids(*papers)}
+    return "".join(f"{id}\n{textwrap.indent(captions[id], '  ')}\n" for id in captions)
 
 
 def _which(arguments):
@@ -408,10 +445,41 @@ def _which(arguments):
     return GOOD if current else FAILED
 
 
+def _list(arguments):
+    """The papers; of one paper its parameters, and its products with captions."""
+    from tbdcore.repro import cite, pages
+
+    about = {paper: {"topic": "All papers"} for paper in pages.everything()} | cite.papers()
+    if arguments.paper is None:
+        rows = [(name, pages.path(name).name, about[name]["topic"]) for name in about]
+        print(_columns(rows))
+        return GOOD
+    notebook = pages.path(arguments.paper)
+    parameters = pages.parameters(arguments.paper).values()
+    rows = [
+        (f"  {one.name}", one.type, json.dumps(one.default), one.allowed(), one.meaning)
+        for one in parameters
+    ]
+    print(f"{arguments.paper}: {about[arguments.paper]['topic']}, notebooks/{notebook.name}\n")
+    print(f"parameters (-p name=value)\n{_columns(rows)}\n\nfigures and tables (tbdcore cite ID)")
+    made = cite.ids(arguments.paper)
+    text = _captions([arguments.paper]) if made else f"none in {paths.figures()}\n"
+    print(textwrap.indent(text, "  "), end="")
+    return GOOD
+
+
+def _columns(rows):
+    """Rows of text as columns of equal width."""
+    widths = [min(32, max(map(len, column))) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
+        for row in rows
+    ]
+    return "\n".join(line.rstrip() for line in lines)
+
+
 def _doctor(arguments):
-    """Check the environment: what is good on standard output, one line for each fault on standard
-    error.
-    """
+    """Check the environment; faults go to standard error, a line for each."""
     from tbdcore.repro import doctor
 
     status = GOOD
@@ -419,77 +487,8 @@ def _doctor(arguments):
         if good:
             print(line, flush=True)
         else:
-            status = _complain(line, ENVIRONMENT)
+            status = _report(line, ENVIRONMENT)
     return status
-
-
-def _changes(scorecard, every):
-    """The claims whose verdict is not the one in an earlier scorecard.csv."""
-    import pandas as pd
-
-    if not scorecard.is_file():
-        return []
-    key = ["paper", "id"]
-    try:
-        earlier = pd.read_csv(scorecard, dtype=str, keep_default_na=False)[[*key, "verdict"]]
-    except (KeyError, pd.errors.ParserError, pd.errors.EmptyDataError):
-        raise ValueError(
-            f"{scorecard}: no scorecard; delete it, then make it anew: tbdcore score"
-        ) from None
-    both = every.merge(earlier, on=key, suffixes=("", "_old"))
-    changed = both[both["verdict"] != both["verdict_old"]]
-    return [
-        f"{row.paper} {row.id} was {row.verdict_old}, is {row.verdict}"
-        for row in changed.itertuples()
-    ]
-
-
-def _readme(every):
-    """README.md with the table of papers between its markers made anew."""
-    from tbdcore.repro import products
-
-    begin, end = "<!-- scorecard -->\n", "<!-- /scorecard -->"
-    before, _, rest = paths.README.read_text(encoding="utf-8").partition(begin)
-    _, found, after = rest.partition(end)
-    if not found:
-        raise ValueError(
-            f"README.md: the lines {begin.strip()} and {end} are missing; "
-            f"the table of papers goes between them"
-        )
-    return f"{before}{begin}{products.markdown(_papers(every))}{end}{after}"
-
-
-def _papers(every):
-    """README's table: what came of each paper's numbers and statements; inputs are not results and
-    are not counted.
-    """
-    import tomllib
-
-    import pandas as pd
-
-    from tbdcore.repro import claims, pages
-
-    about = tomllib.loads(paths.BIBLIOGRAPHY.read_text(encoding="utf-8"))
-    rows = []
-    for paper in pages.papers():
-        inputs = [claim.id for claim in claims.read(paper).values() if claim.kind == "input"]
-        results = every[(every["paper"] == paper) & ~every["id"].isin(inputs)]
-        counts = results["verdict"].value_counts()
-        rest = ", ".join(
-            f"{counts[verdict]} {verdict}" for verdict in claims.VERDICTS[1:4] if verdict in counts
-        )
-        title = f"{about[paper]['topic']} ({about[paper]['short']})"
-        link = f"[{pages.path(paper).stem}](notebooks/{pages.path(paper).name})"
-        rows.append(
-            (
-                title,
-                link,
-                f"{counts.get('reproduced', 0)} of {len(results)}",
-                rest,
-                about[paper].get("run_time", ""),
-            )
-        )
-    return pd.DataFrame(rows, columns=["paper", "notebook", "reproduced", "the rest", "run time"])
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ opens the ledger and the portfolio of the run.
 """
 
 import ast
+import contextlib
 import dataclasses
 import io
 import json
@@ -34,6 +35,7 @@ import logging
 import math
 import os
 import re
+import reprlib
 import shlex
 import sys
 import tempfile
@@ -50,6 +52,7 @@ TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a result
 # modules that every product passes through
 EVERYWHERE = "from tbdcore.repro import claims, figures, products, screen, trials"
+LARGEST = 2**63  # integers are below, so that any program can read them in a record
 COMMON = ("seed", "n_trials", *PLUMBING)
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -74,28 +77,30 @@ class Parameter:
         outside the range.
         """
         if self.type == "float" and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
+            with contextlib.suppress(OverflowError):
+                value = float(value)
+        shown = reprlib.repr(value)
         if self.type == "int" and isinstance(value, float) and value.is_integer():
             value = int(value)  # papermill hands 1e3 over as a float
         if type(value) is not TYPES[self.type]:
             raise ValueError(
-                f"parameter {self.name}: {value!r} is {type(value).__name__}; give {self.type}, "
+                f"parameter {self.name}: {shown} is {type(value).__name__}; give {self.type}, "
                 f"like {self.default!r}"
             )
         if self.type in ("int", "float", "list") and not all(
             map(self._inside, value if self.type == "list" else [value])
         ):
             raise ValueError(
-                f"parameter {self.name}: {value!r} is out of range; give {self.meaning}, "
+                f"parameter {self.name}: {shown} is out of range; give {self.meaning}, "
                 f"in {self.range()}"
             )
         if self.choices and value not in self.choices:
             raise ValueError(
-                f"parameter {self.name}: {value!r} is none of {', '.join(map(repr, self.choices))}"
+                f"parameter {self.name}: {shown} is none of {', '.join(map(repr, self.choices))}"
             )
         if self.increasing and (not value or any(a >= b for a, b in pairwise(value))):
             raise ValueError(
-                f"parameter {self.name}: {value!r} does not increase; give at least one number, "
+                f"parameter {self.name}: {shown} does not increase; give at least one number, "
                 f"the smallest first"
             )
         return value
@@ -104,9 +109,17 @@ class Parameter:
         """The range as it is written in the cell."""
         return f"{self.ends[0]}{self.low:g}, {self.high:g}{self.ends[1]}"
 
+    def allowed(self):
+        """What the parameter accepts, in words."""
+        if self.choices:
+            return f"one of {', '.join(map(str, self.choices))}"
+        return "" if self.type in ("str", "bool") else f"in {self.range()}"
+
     def _inside(self, number):
         if isinstance(number, str | bool) or not isinstance(number, int | float):
             return self.low == -math.inf and self.high == math.inf
+        if abs(number) >= (LARGEST if isinstance(number, int) else math.inf):
+            return False
         above = number > self.low if self.ends[0] == "(" else number >= self.low
         below = number < self.high if self.ends[1] == ")" else number <= self.high
         return above and below
@@ -205,10 +218,11 @@ def parameters(paper):
         raise ValueError(
             f"{path(paper).name}: {len(found)} cells are tagged 'parameters'; there must be one"
         )
-    comments = _comments(found[0])
-    lines = [
-        _parameter(node, comments.get(node.end_lineno, "")) for node in ast.parse(found[0]).body
-    ]
+    try:
+        comments, tree = _comments(found[0]), ast.parse(found[0])
+        lines = [_parameter(node, comments.get(node.end_lineno, "")) for node in tree.body]
+    except (ValueError, SyntaxError, AttributeError, TypeError, tokenize.TokenError) as error:
+        raise ValueError(f"{path(paper).name}: its parameters cell is damaged: {error}") from None
     return {parameter.name: parameter for parameter in lines}
 
 
@@ -359,8 +373,11 @@ def digest(paper):
     claims file but for its causes; for the index, also the verdicts and data that it shows.
     """
     code = [_python(cell) for cell in cells(paper)]
+    try:
+        parts = [products.meaning(cell) for cell in code]
+    except SyntaxError as error:
+        raise ValueError(f"{path(paper).name}: a code cell is no Python: {error}") from None
     files = products.imported("\n".join([*code, EVERYWHERE]))
-    parts = [products.meaning(cell) for cell in code]
     parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
     parts += [file.read_text(encoding="utf-8") for file in _shown(paper, code) if file.is_file()]
     if paper in claims.papers():

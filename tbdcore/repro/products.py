@@ -45,7 +45,7 @@ def write(folder, files, old=()):
     try:
         for (part, _), content in zip(beside, files.values(), strict=True):
             part.write_bytes(content)
-        with _signals_held():
+        with signals_held():
             for part, place in beside:
                 os.replace(part, place)
             for place in old:
@@ -56,7 +56,7 @@ def write(folder, files, old=()):
 
 
 @contextlib.contextmanager
-def _signals_held():
+def signals_held():
     """Hold back signals that ask the run to end until the block is done.
 
     Signals reach the main thread only; one that is ignored stays ignored.

@@ -21,9 +21,10 @@ become integers by CRC-32, which is the same on every machine (Python's own ``ha
 
 ``run`` is the loop over trials.  It hands chunks of indices to any ``concurrent.futures.Executor``:
 processes on this machine by default (``loky``, which carries functions that were written in a
-notebook), one process when ``workers=1``, a
-``dask.distributed`` cluster when a scheduler's address is given.  What a trial returns, a number,
-an array, or a (named) tuple of them, comes back with a leading axis of length n.
+notebook), one process when ``workers=1``, a ``dask.distributed`` cluster when a scheduler's address
+is given.  The chunks go by the number of workers that the executor has: on a cluster, its threads.
+What a trial returns, a number, an array, or a (named) tuple of them, comes back with a leading axis
+of length n.
 """
 
 import contextlib
@@ -31,19 +32,17 @@ import os
 import re
 import threading
 import time
-from concurrent.futures import Executor
+from functools import partial
 from zlib import crc32
 
 import numpy as np
+import psutil
 from tqdm import tqdm
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
-# of what is left, each worker's part is handed out in so many: few enough to hide the cost of
-# sending
-SHARES = 3
+SHARES = 3  # a chunk is this part of a worker's share of the trials that are left
 PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
-# seconds an idle process waits; loky warns, on standard error, of one that leaves as work arrives
-DAY = 86400
+DAY = 86400  # seconds an idle process waits; loky prints a warning when one leaves as work arrives
 
 
 def generator(seed, paper, experiment, trial, purpose):
@@ -89,23 +88,26 @@ def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials
     Raises
     ------
     ValueError
-        For n < 1 or workers < 0.
+        For n < 1, or workers or seed that are negative.
     ConnectionError
         When no scheduler answers at the address.
     RuntimeError
         When a trial raises: the message names the trial, so that it can be run again alone.
     """
+    for name, value in {"n": n, "workers": workers, "seed": seed}.items():
+        if not isinstance(value, int | np.integer):
+            raise ValueError(f"trials.run: {name} is {value!r}; give an integer")
     if n < 1:
         raise ValueError(f"trials.run: n is {n}; at least one trial is needed")
     if workers < 0:
         raise ValueError(
             f"trials.run: workers is {workers}; give 0 for one process per core, or a count"
         )
+    if seed < 0:
+        raise ValueError(f"trials.run: seed is {seed}; give an integer, 0 or above")
     with _executor(executor, workers, scheduler) as pool:
-        parts = (
-            _here(trial, n, seed, label) if pool is None else _spread(pool, trial, n, seed, label)
-        )
-    return _join(parts)
+        loop = _serial if pool is None else partial(_parallel, pool)
+        return _join(loop(trial, n, seed, label))
 
 
 def cores():
@@ -113,13 +115,20 @@ def cores():
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 
 
+def cluster(scheduler):
+    """Workers and threads of the dask cluster at an address; raises ConnectionError like run."""
+    with _client(scheduler) as client:
+        threads = client.nthreads()
+    return len(threads), sum(threads.values())
+
+
 @contextlib.contextmanager
 def _executor(executor, workers, scheduler):
-    """The executor to use, or None for a plain loop; closed on the way out if it was opened here."""
+    """The executor to use, or None for a plain loop; one that was opened here is closed."""
     if executor is not None:
         yield executor
     elif scheduler:
-        with _dask(scheduler) as pool:
+        with _client(scheduler) as client, client.get_executor() as pool:
             yield pool
     elif (workers or cores()) == 1:
         yield None
@@ -152,19 +161,22 @@ def process():
 
 
 def end_with_parent(parent):
-    """End this process within a second of its parent's end, however that comes."""
+    """End this process, and all that it has started, within a second of its parent's end."""
 
     def watch():
         while os.getppid() == parent:
             time.sleep(1)
+        for process in psutil.Process().children(recursive=True):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
 
 
 @contextlib.contextmanager
-def _dask(address):
-    """Executor of the dask scheduler at an address."""
+def _client(address):
+    """Client of the dask scheduler at an address, which has a worker or gets one soon."""
     try:
         from distributed import Client
     except ModuleNotFoundError:
@@ -185,19 +197,20 @@ def _dask(address):
             "check the address, or leave it empty for this machine"
         ) from None
     with client:
-        _manned(client, address)
-        with client.get_executor() as pool:
-            yield pool
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            raise ConnectionError(
+                f"scheduler {address!r}: it has no worker; start one: dask worker {address}"
+            ) from None
+        yield client
 
 
-def _manned(client, address):
-    """Raise unless the scheduler has a worker, or gets one soon."""
-    try:
-        client.wait_for_workers(1, timeout=PATIENCE)
-    except TimeoutError:
-        raise ConnectionError(
-            f"scheduler {address!r}: it has no worker; start one: dask worker {address}"
-        ) from None
+def _workers(pool):
+    """How many trials an executor runs at the same time: on a dask cluster, its threads."""
+    client = getattr(pool, "_client", None)
+    threads = sum(client.nthreads().values()) if client else getattr(pool, "_max_workers", 0)
+    return threads or cores()
 
 
 def _chunks(n, count):
@@ -207,9 +220,7 @@ def _chunks(n, count):
 
 
 def _shares(n, workers):
-    """Half-open ranges that cover 0..n: long ones first, single trials last, so that all workers
-    end together.
-    """
+    """Half-open ranges that cover 0..n, the long ones first: all workers end together."""
     ranges, first = [], 0
     while first < n:
         last = first + max(1, (n - first) // (SHARES * workers))
@@ -218,19 +229,17 @@ def _shares(n, workers):
     return ranges
 
 
-def _here(trial, n, seed, label):
-    """The loop itself, in this process."""
+def _serial(trial, n, seed, label):
+    """The loop in this process."""
     return [
         _chunk(trial, seed, *ends)
         for ends in tqdm(_chunks(n, 100), desc=label, disable=None, leave=False)
     ]
 
 
-def _spread(pool: Executor, trial, n, seed, label):
-    """Chunks of the loop on an executor, gathered in trial order whatever the order in which they
-    end.
-    """
-    ranges = _shares(n, getattr(pool, "_max_workers", None) or cores())
+def _parallel(pool, trial, n, seed, label):
+    """Chunks of the loop on an executor, gathered in the order of the trials."""
+    ranges = _shares(n, _workers(pool))
     jobs = [pool.submit(_chunk, trial, seed, *ends) for ends in ranges]
     try:
         return [job.result() for job in tqdm(jobs, desc=label, disable=None, leave=False)]
@@ -259,9 +268,7 @@ def _join(parts):
 
 
 def _by_field(gather, results):
-    """Apply a function to the list of results, or to each field's list when they are (named)
-    tuples.
-    """
+    """Apply a function to the results, or to each field's list when they are (named) tuples."""
     first = results[0]
     if not isinstance(first, tuple):
         return gather(results)

@@ -2,11 +2,16 @@
 
 import csv
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 import tiny
 
-from tbdcore.repro import batch, cli, paths
+from tbdcore.repro import batch, claims, cli, paths
+
+PIPES = {"capture_output": True, "text": True, "check": True}
 
 
 def would_skip(*runs):
@@ -142,16 +147,67 @@ def test_what_is_no_longer_made_is_removed(folder):
     assert not left.exists()
 
 
-def test_sweep_is_one_tidy_table(folder):
-    made = tiny.products(folder)
-    swept = tiny.run(folder, "sweep", "tiny", "shift=-2,2", "-p", "n_trials=100", "--json")
-    assert swept.returncode == 0, swept.stderr
-    assert [json.loads(line)["status"] for line in swept.stdout.splitlines()] == [0, 0]
-    place = folder / "build" / "sweep" / "tiny"
-    rows = list(csv.DictReader((place / "shift.csv").read_text().splitlines()))
-    assert list(rows[0]) == ["value", "claim", "published", "measured", "se", "n", "verdict"]
-    assert [row["value"] for row in rows if row["claim"] == "order"] == ["-2", "2"]
-    assert [row["verdict"] for row in rows if row["claim"] == "order"] == ["differs", "reproduced"]
+def table(file):
+    return list(csv.DictReader(file.read_text().splitlines()))
+
+
+def test_sweep_makes_tidy_tables_and_goes_on_after_an_interruption(inside, monkeypatch, capsys):
+    """The second value is interrupted in the middle; what is finished is not repeated."""
+    made, execute, executed = tiny.products(inside), batch._execute, []
+
+    def interrupted(paper, values, *rest):
+        executed.append(values["shift"])
+        if len(executed) == 2:
+            raise KeyboardInterrupt
+        execute(paper, values, *rest)
+
+    monkeypatch.setattr(batch, "_execute", interrupted)
+    words = ["sweep", "tiny", "shift=-2,2", "-p", "n_trials=100", "--resume", "--json"]
+    place = inside / "build" / "sweep" / "tiny"
+    assert cli.main(words) == 130
+    assert {row["value"] for row in table(place / "shift.csv")} == {"-2"}
+    assert cli.main(words) == 0
+    assert executed == [-2.0, 2.0, 2.0]
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [one["status"] for one in told] == [0, 130, 0, 0]
+    rows = table(place / "shift.csv")
+    assert list(rows[0]) == list(batch.TABLE)
+    judged = [(row["value"], row["verdict"]) for row in rows if row["claim"] == "order"]
+    assert judged == [("-2", "differs"), ("2", "reproduced")]
+    share = {row.pop("claim"): row for row in table(place / "shift_shares.csv")}
+    assert list(share) == ["mean", "order", "price"]
+    shares = {"reproduced": "0.5", "differs": "0.5"} | dict.fromkeys(claims.VERDICTS[2:], "0")
+    assert share["order"] == {"evidence": "measured", "values": "2"} | shares
+    assert share["price"]["untestable"] == "1"
     assert (place / "shift=-2" / "tiny" / "fig1.pdf").is_file()
     assert (place / "shift=-2" / "01_tiny.ipynb").is_file()
-    assert tiny.products(folder) == made
+    assert tiny.products(inside) == made
+
+
+def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
+    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], **PIPES)
+    pid, build, figures = int(ended.stdout), inside / "build", inside / "figures" / "tiny"
+    (build / f"tmp.{pid}.part").mkdir()
+    left = [build / f"01_tiny.{pid}.part.ipynb", figures / f".fig1.png.{pid}.part"]
+    kept = [
+        build / f"01_tiny.{os.getpid()}.part.ipynb",
+        build / "mine.part",
+        build / "a.part.ipynb",
+    ]
+    for file in (*left, *kept):
+        file.touch()
+    names = sorted([f"tmp.{pid}.part", *(file.name for file in left)])
+    said = []
+    batch.run("tiny", {}, build / "01_tiny.ipynb", say=said.append, resume=True)
+    assert said[0] == f"tiny: removed what a killed run had left: {', '.join(names)}"
+    assert not any(file.exists() for file in left)
+    assert all(file.exists() for file in kept)
+    assert not (build / f"tmp.{pid}.part").exists()
+
+
+def test_debug_shows_where_a_cell_failed(inside, capsys):
+    tiny.change(inside, trials="1 / 0")
+    assert cli.main(["run", "--debug"]) == 1
+    err = capsys.readouterr().err
+    assert "ZeroDivisionError" in err
+    assert "Traceback" in err

@@ -1,22 +1,25 @@
 """The command line: exit codes, errors of one line, and the scorecard."""
 
+import shlex
 import subprocess
 import sys
 
 import pytest
 import tiny
 
+import tbdcore
 from tbdcore.repro import cli, paths
 
-VERDICTS = """id,item,quantity,published,measured,se,n,verdict,cause
-mean,Table 1,mean of the draws,0.0,0.01,0.05,400,reproduced,
-order,text,shifted draws are larger,larger,margin 1.00,0.05,400,reproduced,
-price,text,price,cheap,,,,untestable,An opinion.
+HEADER = "id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause"
+VERDICTS = f"""{HEADER}
+mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.00,,reproduced,measured,
+order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.00,,reproduced,measured,
+price,text,price,cheap,,,,,,untestable,,An opinion.
 """
 TABLE = """<!-- scorecard -->
-| paper | notebook | reproduced | the rest | run time |
-| --- | --- | --- | --- | --- |
-| Means (the tiny paper) | [01_tiny](notebooks/01_tiny.ipynb) | 2 of 3 | 1 untestable |  |
+| paper | notebook | measured | reproduced | differs | inconclusive | not measured | run time |
+| --- | --- | --- | --- | --- | --- | --- | --- |
+| Means (the tiny paper) | [01_tiny](notebooks/01_tiny.ipynb) | 2 | 2 | 0 | 0 | 1 untestable |  |
 <!-- /scorecard -->
 """
 
@@ -33,8 +36,9 @@ def said(capsys, code, *words):
 
 USAGE = {
     "no command": ([], "required: command"),
-    "unknown command": (["rum"], "invalid choice: 'rum'"),
-    "unknown option": (["run", "--fast"], "--fast"),
+    "unknown command": (["rum"], "there is no command 'rum'; the nearest is 'run'"),
+    "unknown option": (["run", "--quik"], "--quik: not understood; the nearest is --quick"),
+    "unknown word": (["doctor", "now"], "now: not understood; see: tbdcore doctor --help"),
     "unknown paper": (["run", "tinny"], "the nearest is 'tiny'"),
     "unknown parameter": (["run", "tiny", "-p", "n_trails=5"], "the nearest is 'n_trials'"),
     "no value": (["run", "tiny", "-p", "n_trials"], "write -p name=value"),
@@ -42,6 +46,17 @@ USAGE = {
     "fraction of a trial": (["run", "tiny", "-p", "n_trials=2.5"], "2.5 is float; give int"),
     "zero trials": (["run", "tiny", "-p", "n_trials=0"], "0 is out of range"),
     "out of range": (["run", "tiny", "-p", "pause=61"], "in [0, 60]"),
+    "negative seed": (["run", "tiny", "-p", "seed=-1"], "-1 is out of range"),
+    "fraction of a seed": (["run", "tiny", "-p", "seed=0.5"], "0.5 is float; give int"),
+    "seed of no record": (["run", "tiny", "-p", f"seed={2**63}"], "is out of range"),
+    "more than can end": (["run", "tiny", "-p", "n_trials=1e99"], "is out of range"),
+    "infinitely many": (["run", "tiny", "-p", "n_trials=inf"], "'inf' is str; give int"),
+    "too many to write": (["run", "tiny", "-p", "n_trials=1e400"], "inf is float; give int"),
+    "a very long integer": (["run", "tiny", "-p", f"n_trials={'9' * 4000}"], "out of range"),
+    "an endless integer": (["run", "tiny", "-p", f"n_trials={'9' * 5000}"], "is str; give int"),
+    "a very long float": (["run", "tiny", "-p", f"shift={'9' * 400}"], "is int; give float"),
+    "infinite": (["run", "tiny", "-p", "shift=-1e400"], "-inf is out of range"),
+    "no number": (["run", "tiny", "-p", "shift=nan"], "'nan' is str; give float"),
     "code for a value": (
         ["run", "tiny", "-p", "n_trials=__import__('os').getpid()"],
         "is str; give int",
@@ -53,11 +68,17 @@ USAGE = {
     "sweep without values": (["sweep", "tiny", "shift"], "name=v1,v2"),
     "sweep of an unknown parameter": (["sweep", "tiny", "shif=1"], "the nearest is 'shift'"),
     "sweep out of range": (["sweep", "tiny", "shift=1,9"], "out of range"),
+    "sweep of a value twice": (["sweep", "tiny", "shift=1,2,1.0"], "1.0 is given twice"),
     "sweep of no parameter of the result": (
         ["sweep", "tiny", "workers=1,2"],
         "cannot change a result",
     ),
     "sweep of an unknown paper": (["sweep", "tini", "shift=1,2"], "the nearest is 'tiny'"),
+    "a form without an id": (["cite", "tiny", "--latex"], "give the id of a figure or table"),
+    "cite of an unknown paper": (["cite", "tini"], "the nearest is 'tiny'"),
+    "cite without products": (["cite", "tiny"], "no products in"),
+    "list of an unknown paper": (["list", "tini"], "the nearest is 'tiny'"),
+    "products in no folder": (["list", "--figures", "no/such"], "--figures no/such: no such"),
     "two forms of a citation": (
         ["cite", "tiny/fig1", "--latex", "--bibtex"],
         "not allowed with argument",
@@ -115,33 +136,56 @@ def test_the_figures_are_for_default_parameters_by_any_name(repository, capsys, 
     )
 
 
-@pytest.mark.parametrize(
-    ("file", "text", "code", "words", "message"),
-    [
-        (
-            "figures/tiny/verdicts.csv",
-            VERDICTS.replace(",", ";"),
-            1,
-            ["score"],
-            "verdicts.csv: its columns are",
-        ),
-        ("figures/scorecard.csv", "<<<<<<< HEAD\n", 2, ["score"], "scorecard.csv: no scorecard"),
-        ("CITATION.cff", "authors: [", 2, ["score"], "CITATION.cff: no authors"),
-        (
-            "notebooks/01_tiny.ipynb",
-            "<<<<<<< HEAD\n",
-            2,
-            ["run", "tiny"],
-            "01_tiny.ipynb: no notebook",
-        ),
-        ("figures/tiny/fig1.json", "{}", 2, ["cite", "tiny/fig1"], "fig1.json: damaged"),
-    ],
-    ids=["verdicts", "scorecard", "citation", "notebook", "record"],
-)
-def test_a_damaged_file_is_named(repository, capsys, file, text, code, words, message):
+DAMAGED = {
+    "verdicts": ("figures/tiny/verdicts.csv", VERDICTS.replace(",", ";"), 1, "score"),
+    "scorecard": ("figures/scorecard.csv", "<<<<<<< HEAD\n", 2, "score"),
+    "citation": ("CITATION.cff", "authors: [", 2, "score"),
+    "no notebook": ("notebooks/01_tiny.ipynb", "<<<<<<< HEAD\n", 2, "run tiny"),
+    "notebook {}": ("notebooks/01_tiny.ipynb", "{}", 2, "run tiny"),
+    "notebook []": ("notebooks/01_tiny.ipynb", "[]", 2, "list tiny"),
+    "no source": ("notebooks/01_tiny.ipynb", '{"cells": [{"cell_type": "code"}]}', 2, "run tiny"),
+    "no type": ("notebooks/01_tiny.ipynb", tiny.notebook({"parameters": "a = 1"}), 2, "run tiny"),
+    "no literal": (
+        "notebooks/01_tiny.ipynb",
+        tiny.notebook({"parameters": "a: int = b"}),
+        2,
+        "run",
+    ),
+    "no Python": (
+        "notebooks/01_tiny.ipynb",
+        tiny.notebook({"parameters": "a: = ("}),
+        2,
+        "list tiny",
+    ),
+    "record": ("figures/tiny/fig1.json", "{}", 2, "cite tiny/fig1"),
+    "record []": ("figures/tiny/fig1.json", "[]", 2, "cite"),
+    "record of bytes": ("figures/tiny/fig1.json", "\udcff", 2, "run tiny --resume"),
+    "claims": ("data/claims/tiny.csv", "", 2, "run"),
+    "no TOML": ("data/papers.toml", "[tiny", 2, "cite tiny --bibtex"),
+    "another paper": ("data/papers.toml", tiny.PAPERS.replace("[tiny]", "[tini]"), 2, "list"),
+    "misspelt": (
+        "data/papers.toml",
+        tiny.PAPERS.replace("[tiny]", "[tini]"),
+        2,
+        "cite tiny --bibtex",
+    ),
+    "no table": ("data/papers.toml", "", 2, "cite tiny --bibtex"),
+    "no topic": ("data/papers.toml", tiny.PAPERS.replace("topic", "subject"), 2, "list"),
+}
+
+
+@pytest.mark.parametrize(("file", "text", "code", "words"), DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_file_is_named(repository, capsys, file, text, code, words):
     enter(repository, VERDICTS)
-    (repository / file).write_text(text)
-    assert message in said(capsys, code, *words)
+    (repository / file).write_text(text, encoding="utf-8", errors="surrogateescape")
+    message = said(capsys, code, *words.split())
+    assert file.rpartition("/")[2] in message
+    assert "bug" not in message
+
+
+def test_a_misspelt_paper_is_told_its_table(repository, capsys):
+    paths.BIBLIOGRAPHY.write_text(tiny.PAPERS.replace("[tiny]", "[tini]"))
+    assert "papers.toml: there is no table [tiny]; is [tini] meant" in said(capsys, 2, "list")
 
 
 def test_the_default_folder_is_tried_before_anything_starts(repository, capsys, monkeypatch):
@@ -150,18 +194,86 @@ def test_the_default_folder_is_tried_before_anything_starts(repository, capsys, 
 
 
 def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeypatch):
-    def missing(arguments):
+    def missing(*arguments):
         raise ModuleNotFoundError("No module named 'papermill'", name="papermill")
 
-    monkeypatch.setattr(cli, "_run", missing)
-    assert "papermill" in said(capsys, 3, "run")
+    monkeypatch.setattr(cli, "_find_clusters", missing)
+    assert "papermill is missing; this needs the extra repro" in said(capsys, 3, "run")
 
 
-def test_help_is_no_error(capsys):
+@pytest.mark.parametrize("command", ["run", "sweep", "score", "cite", "which", "list", "doctor"])
+def test_help_has_examples_that_are_understood(capsys, command):
     with pytest.raises(SystemExit) as caught:
-        cli.main(["run", "--help"])
+        cli.main([command, "--help"])
     assert caught.value.code == 0
-    assert "--quick" in capsys.readouterr().out
+    examples = capsys.readouterr().out.partition("examples:\n")[2].splitlines()
+    assert examples
+    for example in examples:
+        assert cli._parse(shlex.split(example)[1:]).name == command
+
+
+@pytest.mark.parametrize("words", [["--debug", "run", "tinny"], ["run", "tinny", "--debug"]])
+def test_debug_shows_the_traceback_instead(repository, capsys, words):
+    assert cli.main(words) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("Traceback")
+    assert "tbdcore: " not in err
+
+
+def test_an_unexpected_error_is_one_line(repository, capsys, monkeypatch):
+    monkeypatch.setattr(paths, "root", lambda: 1 / 0)
+    assert "ZeroDivisionError: division by zero; this is a bug" in said(capsys, 1, "list")
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f"tbdcore {tbdcore.__version__}\n"
+
+
+@pytest.mark.parametrize("words", [["--version"], ["--help"], ["list"]])
+def test_the_command_line_starts_without_what_is_slow(repository, words):
+    slow = {"numba", "pandas", "matplotlib", "papermill", "distributed"}
+    code = (
+        "import sys; from tbdcore.repro import cli\n"
+        "try: cli.main(sys.argv[1:])\nexcept SystemExit: pass\n"
+        f"print('loaded:', *{slow} & set(sys.modules))"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.splitlines()[-1] == "loaded:"
+
+
+def test_list_names_the_papers(repository, capsys):
+    assert cli.main(["list"]) == 0
+    assert capsys.readouterr().out == "tiny  01_tiny.ipynb  Means\n"
+
+
+def test_list_of_a_paper_shows_parameters_and_products(inside, capsys):
+    assert cli.main(["list", "tiny"]) == 0
+    out = capsys.readouterr().out
+    lines = out.splitlines()
+    assert ["n_trials", "int", "400", "in", "[1,", "inf)", "draws"] in map(str.split, lines)
+    assert "\n  tiny/fig1\n    Nine draws, 100 % of them.\n" in out
+    assert max(map(len, lines)) <= 100
+
+
+def test_cite_lists_ids_with_captions(inside, capsys):
+    for words in (["cite"], ["cite", "tiny"]):
+        assert cli.main(words) == 0
+        out = capsys.readouterr().out
+        assert out == "tiny/fig1\n  Nine draws, 100 % of them.\ntiny/table1\n  Three draws.\n"
+    assert cli.main(["cite", "tiny", "--bibtex"]) == 0
+    assert "@misc{tiny," in capsys.readouterr().out
+
+
+def test_products_are_read_in_another_folder(inside, capsys):
+    (inside / "figures").rename(inside / "elsewhere")
+    assert "no products in" in said(capsys, 2, "cite")
+    assert cli.main(["cite", "--figures", str(inside / "elsewhere")]) == 0
+    assert "no products in" in said(capsys, 2, "cite"), "for one command only"
 
 
 def enter(repository, text, folder="figures"):
@@ -183,7 +295,7 @@ def test_score_writes_scorecard_and_table(repository, capsys):
 
 
 def test_score_finds_a_missing_claim(repository, capsys):
-    enter(repository, VERDICTS.replace("price,text,price,cheap,,,,untestable,An opinion.\n", ""))
+    enter(repository, VERDICTS[: VERDICTS.index("price")])
     assert "do not match in price" in said(capsys, 1, "score")
     assert not (repository / "figures" / "scorecard.csv").exists()
 
@@ -198,7 +310,7 @@ def test_score_tells_a_changed_verdict_once(repository, capsys):
     capsys.readouterr()
     enter(
         repository,
-        VERDICTS.replace("0.05,400,reproduced,\nprice", "0.05,400,differs,a slip\nprice"),
+        VERDICTS.replace("reproduced,measured,\nprice", "differs,measured,a slip\nprice"),
     )
     assert "tiny order was reproduced, is differs" in said(capsys, 1, "score")
     assert cli.main(["score"]) == 0

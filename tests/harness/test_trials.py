@@ -116,15 +116,22 @@ def test_loky_as_an_executor(reference):
     assert same_bits(trials.run(walk, N, seed=3, executor=get_reusable_executor(2)), reference)
 
 
-def test_a_dask_cluster_gives_the_same_bits(reference):
+def test_a_dask_cluster_gives_the_same_bits_and_all_its_threads_work(reference, monkeypatch):
+    """Its threads outnumber the cores of this machine, by which its shares must not go."""
     distributed = pytest.importorskip("distributed")
+    asked, shares = [], trials._shares
+    monkeypatch.setattr(trials, "cores", lambda: 1)
+    monkeypatch.setattr(trials, "_shares", lambda n, count: asked.append(count) or shares(n, count))
     where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, **where
+        n_workers=2, threads_per_worker=3, processes=False, **where
     ) as cluster:
-        assert same_bits(
-            trials.run(walk, N, seed=3, scheduler=cluster.scheduler_address), reference
-        )
+        address = cluster.scheduler_address
+        assert trials.cluster(address) == (2, 6)
+        assert same_bits(trials.run(walk, N, seed=3, scheduler=address), reference)
+        with distributed.Client(address) as client, client.get_executor() as pool:
+            assert same_bits(trials.run(walk, N, seed=3, executor=pool), reference)
+    assert asked == [6, 6]
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no-such-scheme://here"])
@@ -163,11 +170,20 @@ def test_the_machine_works_after_a_failing_trial(reference):
 
 
 @pytest.mark.parametrize(
-    ("n", "workers", "word"), [(0, 1, "n is 0"), (-3, 1, "n is -3"), (5, -1, "workers is -1")]
+    ("n", "workers", "seed", "word"),
+    [
+        (0, 1, 0, "n is 0"),
+        (-3, 1, 0, "n is -3"),
+        (5, -1, 0, "workers is -1"),
+        (5, 1, -1, "seed is -1"),
+        (5, 1, 0.5, "seed is 0.5; give an integer"),
+        (2.5, 1, 0, "n is 2.5; give an integer"),
+        (float("nan"), 1, 0, "n is nan; give an integer"),
+    ],
 )
-def test_bad_counts_are_refused(n, workers, word):
+def test_bad_counts_are_refused(n, workers, seed, word):
     with pytest.raises(ValueError, match=word):
-        trials.run(walk, n, seed=0, workers=workers)
+        trials.run(walk, n, seed=seed, workers=workers)
 
 
 def test_results_of_other_shapes():

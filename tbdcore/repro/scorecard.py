@@ -1,0 +1,80 @@
+"""The scorecard: the files that hold the verdicts of all papers together.
+
+``figures/scorecard.csv`` has every verdict, ``scorecard.md`` the counts, ``figures/README.md`` all
+products, ``figures.bib`` the papers, and the repository's README has a table of the papers between
+two markers.
+"""
+
+import pandas as pd
+
+from tbdcore.repro import cite, claims, pages, paths, products
+
+BEGIN, END = "<!-- scorecard -->\n", "<!-- /scorecard -->"
+
+
+def files(folder, readme):
+    """The files made of a folder's verdicts, path -> bytes; with the repository's README if wanted.
+
+    Raises like :func:`tbdcore.repro.claims.verdicts`.
+    """
+    every, counts = claims.ledger(folder), products.markdown(claims.scorecard(folder))
+    made = {
+        folder / "scorecard.csv": products.csv(every),
+        folder / "scorecard.md": counts.encode(),
+        folder / "figures.bib": cite.bibliography().encode(),
+        folder / "README.md": cite.gallery().encode(),
+    }
+    return made | ({paths.README: _readme(every).encode()} if readme else {})
+
+
+def stale(made):
+    """Names of the files that are not what they should be."""
+    current = {path for path in made if path.is_file() and path.read_bytes() == made[path]}
+    return [path.name for path in made if path not in current]
+
+
+def changes(folder):
+    """The claims whose verdict is not the one in a folder's scorecard.csv, in words."""
+    scorecard, key = folder / "scorecard.csv", ["paper", "id"]
+    if not scorecard.is_file():
+        return []
+    try:
+        earlier = pd.read_csv(scorecard, dtype=str, keep_default_na=False)[[*key, "verdict"]]
+    except (KeyError, ValueError):  # pandas' own errors are ValueErrors
+        advice = "delete it, then make it anew: tbdcore score"
+        raise ValueError(f"{scorecard}: no scorecard; {advice}") from None
+    both = claims.ledger(folder).merge(earlier, on=key, suffixes=("", "_old"))
+    changed = both[both["verdict"] != both["verdict_old"]].itertuples()
+    return [f"{row.paper} {row.id} was {row.verdict_old}, is {row.verdict}" for row in changed]
+
+
+def _readme(every):
+    """README.md with the table of papers between its markers made anew."""
+    before, _, rest = paths.README.read_text(encoding="utf-8").partition(BEGIN)
+    _, found, after = rest.partition(END)
+    if not found:
+        raise ValueError(
+            f"README.md: the lines {BEGIN.strip()} and {END} are missing; "
+            "the table of papers goes between them"
+        )
+    return f"{before}{BEGIN}{products.markdown(_papers(every))}{END}{after}"
+
+
+def _papers(every):
+    """README's table: what came of each paper's measured claims, and how many others there are."""
+    rows = []
+    for paper, about in cite.papers().items():
+        counts, notebook = claims.counts(every[every["paper"] == paper]), pages.path(paper)
+        measured = {verdict: counts[f"measured: {verdict}"] for verdict in claims.VERDICTS[:3]}
+        others = [name for name in (*claims.EVIDENCE[1:], *claims.VERDICTS[3:]) if counts[name]]
+        rows.append(
+            {
+                "paper": f"{about['topic']} ({about['short']})",
+                "notebook": f"[{notebook.stem}](notebooks/{notebook.name})",
+                "measured": sum(measured.values()),
+                **measured,
+                "not measured": ", ".join(f"{counts[name]} {name}" for name in others),
+                "run time": about.get("run_time", ""),
+            }
+        )
+    return pd.DataFrame(rows)
