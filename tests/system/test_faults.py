@@ -1,9 +1,8 @@
-"""Would the tests notice?  Single faults, planted one at a time into a copy of the package, and the
-test that must turn red.
+"""Single faults, planted one at a time into a copy of the package, and the test that must fail.
 
-A fault is an exact replacement of text that occurs once, so a rewritten line shows up here and asks
-for its fault to be planted anew.  The copy is run with the named test only; before that, all of the
-named tests must be green on a copy without a fault.
+A fault replaces a text that occurs exactly once; where a line has been rewritten, its fault must be
+written anew.  Only the named test runs on the copy; before that, all named tests must pass on a
+copy without a fault.
 """
 
 import subprocess
@@ -54,8 +53,8 @@ FAULTS = [
     Plant(
         "a missing square in the blob",
         "tbdcore/sensor.py",
-        "[..., None]) ** 2) / (2.0 * blur * blur))",
-        "[..., None]) ** 2) / (2.0 * blur))",
+        "[..., None]) ** 2) / (2.0 * blur * blur)",
+        "[..., None]) ** 2) / (2.0 * blur)",
         "kernels/test_sensor.py::test_blob_energy_depends_on_where_in_the_cell_it_falls",
     ),
     Plant(
@@ -179,18 +178,18 @@ FAULTS = [
         "kernels/test_score.py::test_crossing_is_the_last_downward_one",
     ),
     Plant(
-        "a factor dropped from the band of a verdict",
+        "a verdict that ignores our own error",
         "tbdcore/repro/claims.py",
-        "band = half_digit * (1 + 1e-9) + Z_PAPER * paper_se",
-        "band = half_digit * (1 + 1e-9) + paper_se",
+        "z = _distance(published, half, measured, math.hypot(s_p, se))",
+        "z = _distance(published, half, measured, s_p)",
         "harness/test_claims.py::test_the_edges_of_a_number",
     ),
     Plant(
         "a margin judged without its error",
         "tbdcore/repro/claims.py",
-        "if margin > Z99 * se:",
-        "if margin > 0:",
-        "harness/test_claims.py::test_the_edges_of_a_margin",
+        '"reproduced" if ratio[least] > quantile(n) else',
+        '"reproduced" if ratio[least] > 0 else',
+        "harness/test_claims.py::test_the_edges_of_margins",
     ),
     Plant(
         "a seed that ignores the trial",
@@ -207,16 +206,23 @@ FAULTS = [
         "harness/test_trials.py::test_workers_do_not_change_a_bit",
     ),
     Plant(
-        "a picture that knows nothing of its sources",
+        "a picture without its id",
         "tbdcore/repro/figures.py",
-        'about = (id, provenance.get("sources"), provenance.get("remake"))',
-        "about = (id, None, None)",
-        "harness/test_cite.py::test_which_traces_a_stray_file_of_another_run",
+        'metadata = {"Title": id} | NO_DATE[extension]',
+        'metadata = {"Title": ""} | NO_DATE[extension]',
+        "harness/test_cite.py::test_which_finds_a_renamed_copy_whatever_the_case_of_its_ending",
+    ),
+    Plant(
+        "a digest that overlooks the modules",
+        "tbdcore/repro/pages.py",
+        'parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]',
+        "parts += []",
+        "harness/test_pages.py::test_the_digest_follows_code_claims_rules_and_modules",
     ),
     Plant(
         "a run that is resumed whatever its parameters",
         "tbdcore/repro/batch.py",
-        '"parameters": _settings(paper, values), ',
+        '"parameters": _settings(paper, values),',
         "",
         "harness/test_batch.py::test_resume_goes_by_the_parameters_that_can_change_a_result",
     ),
