@@ -241,6 +241,8 @@ def visibility(log_ratio, existence, detect):
 
     (14) and (15) condition the independent priors (12) on at most one track per plot.
     """
+    if log_ratio.ndim != 2:
+        raise ValueError("association: log_ratio has one row per track and one column per plot")
     odds = prior_odds(log_ratio, existence, detect)
     T, M = odds.shape
     visible = np.empty((T, M))
@@ -268,6 +270,8 @@ def modulated(log_ratio, existence, detect):
     eq. (16), with the prior (12).  ``ipda(modulated(l, P, D), P, D)`` is LM-IPDA; exact for two
     tracks that share one plot.
     """
+    if log_ratio.ndim != 2:
+        raise ValueError("association: log_ratio has one row per track and one column per plot")
     odds = prior_odds(log_ratio, existence, detect)
     T, M = odds.shape
     out, extra = np.empty((T, M)), np.empty(T)
@@ -313,9 +317,9 @@ def ljipda(log_ratio, log_amplitude, existence, detect):
     ``log_amplitude`` (T, M) = ln Lambda multiplies the density afterwards, in (18) and (23) only.
     Returns beta (T, M + 1) and the posterior existence (T,).
     """
+    if log_ratio.ndim != 2 or log_amplitude.ndim != 2 or log_amplitude.shape != log_ratio.shape:
+        raise ValueError("association.ljipda: log_ratio and log_amplitude have one shape, (T, M)")
     visible = visibility(log_ratio, existence, detect)
-    if log_amplitude.ndim != 2 or log_amplitude.shape != log_ratio.shape:
-        raise ValueError("association.ljipda: log_amplitude must have the shape of log_ratio")
     T, M = visible.shape
     for t in range(T):
         for m in range(M):

@@ -87,7 +87,7 @@ def required_snr(p_detect, p_false):
 
 def radar_equation(r, snr0, r0):
     """SNR at range r of a target that has snr0 at r0 (same unit): the fourth-power law."""
-    if not (0 <= snr0 <= 1e100 and 0 < r0 <= 1e100):
+    if not (0 <= snr0 <= 1e100 and 1e-100 <= r0 <= 1e100):
         raise ValueError(f"detection.radar_equation: snr0 {snr0:g} or r0 {r0:g} is not positive")
     return snr0 * (r0 / _within("radar_equation: range", r, 1e-50 * r0, 1e50 * r0)) ** 4
 

@@ -99,7 +99,8 @@ def cartesian(z):
 def residual(z, zhat):
     """z - zhat (..., 2) with the azimuth wrapped to [-pi, pi)."""
     z, zhat = _finite("residual", z, zhat)
-    y = z - zhat
+    with np.errstate(over="ignore"):
+        (y,) = _finite("residual", z - zhat)
     y[..., 1] = (y[..., 1] + np.pi) % (2 * np.pi) - np.pi
     return y
 
@@ -138,7 +139,10 @@ def gate_half_widths(g, D):
 
 def gate_volume(g, D):
     """Size of the rectangular gate, prod_j 2 g sqrt(D_jj)."""
-    return np.prod(2 * gate_half_widths(g, D), axis=-1)
+    with np.errstate(over="ignore"):
+        volume = np.prod(2 * gate_half_widths(g, D), axis=-1)
+    _finite("gate_volume", volume)
+    return volume
 
 
 def ellipse_volume(gamma, D):
@@ -146,7 +150,10 @@ def ellipse_volume(gamma, D):
     D = _positive("ellipse_volume", D)
     if not 0 < gamma < np.inf:
         raise ValueError(f"kalman.ellipse_volume: gamma {gamma:g} must be positive and finite")
-    return np.pi * gamma * np.sqrt(np.linalg.det(D))
+    with np.errstate(over="ignore"):
+        area = np.pi * gamma * np.sqrt(np.linalg.det(D))
+    _finite("ellipse_volume", area)
+    return area
 
 
 def polar_noise(z, R):
@@ -182,8 +189,8 @@ def _checked(compiled):
             if not isinstance(a, np.ndarray) or a.dtype.kind != "f" or a.shape != shape:
                 raise ValueError(f"kalman.{name}: give float arrays, state (4,), covariance (4, 4)")
         _finite(name, x, P, *numbers)
-        if min(np.diag(P)) < 0 or min(numbers[2:] or numbers[1:]) < 0:
-            raise ValueError(f"kalman.{name}: a variance is negative; correct it")
+        if min(np.diag(P)) < 0 or min(numbers[-2:]) < 0:
+            raise ValueError(f"kalman.{name}: a variance or the time T is negative; correct it")
         with np.errstate(all="ignore"):
             result = compiled(x, P, *map(float, numbers))
         _finite(name, *result)

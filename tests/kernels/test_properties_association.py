@@ -1,0 +1,148 @@
+"""Gating and association: any input gives weights that sum to one, or a one-line ValueError."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tbdcore import association
+
+SETTINGS = settings(derandomize=True, deadline=None, max_examples=150)
+ANY = st.one_of(
+    st.floats(-30, 30),
+    st.floats(),
+    st.sampled_from([0.0, 1.0, -np.inf, np.inf, np.nan, 1e308, -1e308, 1e9, 5e-324]),
+)
+LOG_RATIO = st.one_of(st.floats(-30, 30), st.floats(-1e9, 1e9), st.just(-np.inf))
+CHANCE = st.one_of(st.floats(0, 1), st.sampled_from([0.0, 1.0]))
+
+
+def outcome(function, *args):
+    """The result, or None after a ValueError of one line."""
+    try:
+        return function(*args)
+    except ValueError as error:
+        message = str(error)
+    assert message
+    assert "\n" not in message
+    return None
+
+
+@st.composite
+def scenes(draw, ratio=LOG_RATIO, chance=CHANCE, spare=0):
+    T, M = draw(st.integers(0, 4)), draw(st.integers(0, 5))
+    shapes = (T, M), (T, M), (T,), (T + draw(st.integers(0, spare)),)
+    return [
+        draw(arrays(float, s, elements=e))
+        for s, e in zip(shapes, (ratio, ratio, chance, chance), strict=True)
+    ]
+
+
+def check_weights(beta, posterior, shape):
+    T, M = shape
+    assert beta.shape == (T, M + 1)
+    assert posterior.shape == (T,)
+    assert (beta >= 0).all()
+    np.testing.assert_allclose(beta.sum(axis=1), 1.0, rtol=1e-9)
+    assert ((posterior >= 0) & (posterior <= 1 + 1e-12)).all()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("scene", [scenes(), scenes(ANY, ANY, 1)], ids=["mostly valid", "anything"])
+def test_weights_sum_to_one(scene):
+    @SETTINGS
+    @given(scene)
+    def run(args):
+        log_ratio, amplitude, existence, detect = args
+        valid = detect.size == existence.size
+        for function in (association.ipda, association.jipda):
+            found = outcome(function, log_ratio, existence, detect)
+            if found:
+                assert valid
+                check_weights(*found, log_ratio.shape)
+        found = outcome(association.ljipda, log_ratio, amplitude, existence, detect)
+        if found:
+            check_weights(*found, log_ratio.shape)
+        seen = outcome(association.visibility, log_ratio, existence, detect)
+        assert seen is None or ((seen > 0) & (seen <= 1 + 1e-12)).all()
+        ratio = outcome(association.modulated, log_ratio, existence, detect)
+        if ratio is not None:
+            gated = log_ratio > -np.inf
+            assert (ratio[~gated] == -np.inf).all()
+            assert (ratio[gated] <= log_ratio[gated] + 1e-12).all()
+
+    run()
+
+
+@SETTINGS
+@given(scenes())
+def test_uncertain_tracks_are_never_refused(args):
+    log_ratio, amplitude, existence, detect = args
+    existence, detect = 0.98 * existence, 0.98 * detect
+    check_weights(*association.ipda(log_ratio, existence, detect), log_ratio.shape)
+    check_weights(*association.jipda(log_ratio, existence, detect), log_ratio.shape)
+    bounded = np.clip(amplitude, -1e8, 1e8)
+    both = np.clip(log_ratio, -np.inf, 1e8)
+    check_weights(*association.ljipda(both, bounded, existence, detect), log_ratio.shape)
+
+
+@SETTINGS
+@given(st.data())
+def test_gate_keeps_what_is_inside(data):
+    M, T = data.draw(st.integers(0, 5)), data.draw(st.integers(0, 3))
+    z, zhat = (data.draw(arrays(float, (n, 2), elements=ANY)) for n in (M, T))
+    root = data.draw(arrays(float, (T, 2, 2), elements=st.one_of(st.floats(-9, 9), ANY)))
+    gamma, p_gate = data.draw(ANY), data.draw(st.one_of(st.just(1.0), ANY))
+    with np.errstate(all="ignore"):
+        S = root @ np.swapaxes(root, 1, 2)
+    found = outcome(association.gate, z, zhat, S, gamma, p_gate)
+    if found is None:
+        return
+    picked, log_density = found
+    assert (np.diff(picked) > 0).all()
+    assert log_density.shape == (T, picked.size)
+    assert not np.isnan(log_density).any()
+    assert np.isfinite(log_density).any(axis=0).all()
+    assert (log_density < np.inf).all()
+    assert np.isfinite(z[picked]).all()
+
+
+@pytest.mark.parametrize(
+    ("function", "args", "words"),
+    [
+        ("jipda", ([[-np.inf]], [1.0], [1.0]), "certain track"),
+        ("ipda", ([[-np.inf]], [1.0], [1.0]), "certain track"),
+        ("jipda", ([[0.0], [1.0]], [1.0, 1.0], [1.0, 1.0]), "certain track"),
+        ("jipda", ([[np.nan]], [0.5], [0.5]), "NaN"),
+        ("ipda", ([[np.nan]], [0.5], [0.5]), "NaN"),
+        ("visibility", ([[np.inf]], [0.5], [0.5]), "NaN or above"),
+        ("jipda", ([[-1e10]], [0.5], [0.5]), "below -1e9"),
+        ("modulated", ([[1.0]], [1.0], [1.0]), "prior"),
+        ("jipda", ([[1.0]], [1.1], [0.5]), "not in"),
+        ("ipda", ([[1.0]], [0.5], [-0.1]), "not in"),
+        ("ipda", ([[1.0]], [0.5, 0.5], [0.5]), "one existence"),
+        ("ipda", ([1.0], [0.5], [0.5]), "one row per track"),
+        ("jipda", ([1.0], [0.5], [0.5]), "one row per track"),
+        ("visibility", ([1.0], [0.5], [0.5]), "one row per track"),
+        ("gate", ([[0.0, np.nan]], [[0.0, 0.0]], [np.eye(2)], 9.0, 1.0), "NaN"),
+        ("gate", ([[0.0, 0.0]], [[0.0, 0.0]], [np.ones((2, 2))], 9.0, 1.0), "positive definite"),
+        ("gate", ([[0.0, 0.0]], [[0.0, 0.0]], [[[1.0, 0.5], [0.1, 1.0]]], 9.0, 1.0), "definite"),
+        ("gate", ([[0.0, 0.0]], [[0.0, 0.0]], [np.eye(2)], 9.0, 1.5), "p_gate"),
+        ("gate", ([[0.0, 0.0]], [[0.0, 0.0]], [np.eye(2)], 0.0, 1.0), "gamma"),
+        ("gate", ([[0.0, 0.0, 1.0]], [[0.0, 0.0]], [np.eye(2)], 9.0, 1.0), "give plots"),
+        ("gate", ([0.0, 0.0], [[0.0, 0.0]], [np.eye(2)], 9.0, 1.0), "give plots"),
+        ("listed_events", ([True, False],), "one row per track"),
+        ("ljipda", ([[1.0]], [[1.0, 2.0]], [0.5], [0.5]), "one shape"),
+    ],
+)
+def test_nonsense_is_refused_in_one_line(function, args, words):
+    args = [np.array(a) if isinstance(a, list) else a for a in args]
+    with pytest.raises(ValueError, match=words) as caught:
+        getattr(association, function)(*args)
+    assert "\n" not in str(caught.value)
+
+
+def test_partial_sums_are_limited():
+    with pytest.raises(ValueError, match="1 GB"):
+        association.jipda(np.full((16, 5000), -np.inf), np.full(16, 0.5), np.full(16, 0.5))

@@ -1,0 +1,185 @@
+"""Kalman steps: any input gives finite means and covariances, or a one-line ValueError."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tbdcore import kalman, motion
+
+SETTINGS = settings(derandomize=True, deadline=None, max_examples=150)
+ODD = st.sampled_from([0.0, -1.0, np.inf, -np.inf, np.nan, 1e308, 1e-308])
+ANY = st.one_of(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.floats(), ODD)
+
+
+def outcome(function, *args):
+    """The result, or None after a ValueError of one line."""
+    try:
+        return function(*args)
+    except ValueError as error:
+        message = str(error)
+    assert message
+    assert "\n" not in message
+    return None
+
+
+@st.composite
+def tracks(draw, n, good):
+    """States (n, 4), covariances (n, 4, 4); if not good, a few elements are anything."""
+    x = draw(arrays(float, (n, 4), elements=st.floats(-1e4, 1e4)))
+    A = draw(arrays(float, (n, 4, 4), elements=st.floats(-100, 100)))
+    P = A @ np.swapaxes(A, 1, 2)
+    for values in (x, P) if not good else ():
+        for place in draw(st.lists(st.integers(0, max(values.size - 1, 0)), max_size=2)):
+            if values.size:
+                values.flat[place] = draw(ANY)
+    return x, P
+
+
+def check_covariances(P):
+    assert np.isfinite(P).all()
+    scale = np.abs(P).max(axis=(-1, -2), initial=1e-300)[..., None]
+    assert (np.abs(P - np.swapaxes(P, -1, -2)) <= 1e-9 * scale[..., None]).all()
+    assert (np.linalg.eigvalsh(P) >= -1e-7 * scale).all()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("good", [True, False])
+def test_dense_steps(good):
+    @SETTINGS
+    @given(tracks(2, good), st.data())
+    def run(track, data):
+        x, P = track
+        value = st.floats(-100, 100) if good else ANY
+        y, T = data.draw(arrays(float, (2, 2), elements=value)), data.draw(value)
+        R = np.diag(abs(data.draw(arrays(float, 2, elements=st.floats(1e-3, 1e3))))) if good else y
+        H, F = outcome(kalman.polar_jacobian, x), outcome(motion.cv, T)
+        after = outcome(kalman.predict, x, P, F, np.eye(4)) if F is not None else None
+        if after and good:
+            check_covariances(after[1])
+        after = outcome(kalman.update, x, P, y, H, R) if H is not None else None
+        if after:
+            assert np.isfinite(after[0]).all()
+            assert np.isfinite(after[1]).all()
+            if good:
+                check_covariances(after[1])
+        d2 = outcome(kalman.mahalanobis, y, R)
+        assert d2 is None or (d2 >= 0).all()
+        sizes = [f(4.0, R) for f in (kalman.gate_volume, kalman.ellipse_volume)] if good else []
+        sizes += [outcome(kalman.gate_volume, T, R), outcome(kalman.ellipse_volume, T, R)]
+        assert all(size is None or size >= 0 for size in sizes)
+        wrapped = outcome(kalman.residual, y, y[::-1])
+        assert wrapped is None or (abs(wrapped[:, 1]) <= np.pi).all()
+
+    run()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("good", [True, False])
+def test_compiled_steps_of_one_track(good):
+    @SETTINGS
+    @given(tracks(1, good), st.data())
+    def run(track, data):
+        (x,), (P,) = track
+        value = st.floats(1e-2, 100) if good else ANY
+        a, b, c, d = data.draw(arrays(float, 4, elements=value))
+        for function, numbers in (
+            (kalman.predict_cv, (a, b)),
+            (kalman.gate_polar, (a, b)),
+            (kalman.update_polar, (a, b, c, d)),
+        ):
+            found = outcome(function, x.copy(), P.copy(), *numbers)
+            if found is not None:
+                assert all(np.isfinite(part).all() for part in found)
+                if good and len(found) == 2:
+                    check_covariances(found[1])
+        found = outcome(kalman.two_point, np.array([a, b]), np.array([c, d]), x[:2], x[2:], b)
+        if found:
+            check_covariances(found[1])
+
+    run()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("good", [True, False])
+def test_compiled_steps_of_several_tracks(good):
+    @SETTINGS
+    @given(st.integers(0, 3).flatmap(lambda n: tracks(n, good)), st.data())
+    def run(track, data):
+        x, P = track
+        M, value = data.draw(st.integers(0, 3)), st.floats(1.0, 100) if good else ANY
+        F = data.draw(arrays(float, P.shape, elements=value))
+        after = outcome(kalman.predict_tracks, x, P, F, np.eye(4))
+        if after and good:
+            check_covariances(after[1])
+        found = outcome(kalman.gate_tracks, x, P, data.draw(value), data.draw(value))
+        if not found:
+            return
+        zhat, R, D = found
+        assert np.isfinite(zhat).all()
+        assert (np.linalg.det(D) > 0).all() or not good
+        z = data.draw(arrays(float, (M, 2), elements=value))
+        beta = np.full((len(x), M + 1), 1 / (M + 1))
+        after = outcome(kalman.update_mixture, x, P, D, z, beta)
+        if after:
+            assert np.isfinite(after[0]).all()
+            assert np.isfinite(after[1]).all()
+
+    run()
+
+
+X, P = np.array([1e4, 10.0, 2e4, 20.0]), np.diag([100.0, 1.0, 100.0, 1.0])
+H, ONE = np.eye(4)[::2], np.ones((1, 1))
+
+
+@pytest.mark.parametrize(
+    ("function", "args", "words"),
+    [
+        ("predict_cv", (X[:3], P, 1.0, 0.1), r"state \(4,\)"),
+        ("predict_cv", (X, P[:3], 1.0, 0.1), r"covariance \(4, 4\)"),
+        ("predict_cv", (X.astype(int), P, 1.0, 0.1), "float"),
+        ("predict_cv", (list(X), P, 1.0, 0.1), "float"),
+        ("predict_cv", (X, P, 1.0, -0.1), "negative"),
+        ("predict_cv", (X, -P, 1.0, 0.1), "negative"),
+        ("predict_cv", (X, P, np.nan, 0.1), "NaN"),
+        ("gate_polar", (0 * X, P, 1.0, 1.0), "NaN"),
+        ("gate_polar", (X, P, 1.0, -1.0), "negative"),
+        ("gate_polar", (X, P, -1.0, 1.0), "negative"),
+        ("update_polar", (X, 0 * P, 1.0, 1.0, 0.0, 0.0), "NaN"),
+        ("update_polar", (X, P, 1.0, 1.0, -1.0, 1.0), "negative"),
+        ("two_point", (X[:2], X[2:], (1.0, 1.0), (1.0, 1.0), 0.0), "time T"),
+        ("two_point", (X[:2], X[2:], (1.0, -1.0), (1.0, 1.0), 1.0), "variances"),
+        ("two_point", (X[:3], X[2:], (1.0, 1.0), (1.0, 1.0), 1.0), "pairs"),
+        ("two_point", (X[:2] * np.nan, X[2:], (1.0, 1.0), (1.0, 1.0), 1.0), "NaN"),
+        ("update", (X, P, np.zeros(2), H, -H @ P @ H.T), "positive definite"),
+        ("update", (X, P, np.array([np.nan, 0.0]), H, np.eye(2)), "NaN"),
+        ("predict", (X * np.nan, P, np.eye(4), P), "NaN"),
+        ("mahalanobis", (np.ones(2), np.ones((2, 2))), "positive definite"),
+        ("polar_jacobian", (0 * X,), "radar"),
+        ("gate_half_widths", (-1.0, P), "positive"),
+        ("gate_half_widths", (1.0, -P), "positive"),
+        ("ellipse_volume", (0.0, P[:2, :2] + np.eye(2)), "gamma"),
+        ("residual", (np.array([np.inf, 0.0]), np.zeros(2)), "NaN or infinite"),
+        ("gate_tracks", (X, P, 1.0, 1.0), "give x"),
+        ("gate_tracks", (0 * X[None], P[None], 1.0, 1.0), "positive definite"),
+        ("gate_tracks", (X[None], P[None] * 0, 0.0, 0.0), "positive definite"),
+        ("predict_tracks", (X[None], P, P[None], P), "give x"),
+        ("predict_tracks", (X[None], P[None], P[None], P[:3]), "give x"),
+        ("predict_tracks", (X[None], P[None] * np.nan, P[None], P), "NaN"),
+        ("update_mixture", (X[None], P[None], P[None, :2, :2], X[None, :2], ONE), "weights"),
+        ("update_mixture", (X[None], P[None], P[None], X[None, :2], ONE), "give x"),
+        ("update_mixture", (X, P[None], P[None], X[None, :2], ONE), "tables"),
+        (
+            "update_mixture",
+            (X[None], P[None], 0 * P[None, :2, :2], X[:0].reshape(0, 2), ONE),
+            "pos",
+        ),
+        ("position_bound", (P[None, None], P[None, None], P[None], 1.5), "not in"),
+    ],
+)
+def test_nonsense_is_refused_in_one_line(function, args, words):
+    args = [a.copy() if isinstance(a, np.ndarray) else a for a in args]
+    with pytest.raises(ValueError, match=words) as caught:
+        getattr(kalman, function)(*args)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,147 @@
+"""Motion: any input gives regimes 0 to 2 and finite matrices, or a one-line ValueError."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tbdcore import motion
+
+SETTINGS = settings(derandomize=True, deadline=None, max_examples=200)
+ANY = st.one_of(st.floats(0, 0.999), st.floats(-100, 100), st.floats())
+PI = np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.0, 0.0, 1.0]])
+OMEGAS = np.array([[-0.4, -0.2], [0.2, 0.3]])
+
+
+def outcome(function, *args):
+    """The result, or None after a ValueError of one line."""
+    try:
+        return function(*args)
+    except ValueError as error:
+        message = str(error)
+    assert message
+    assert "\n" not in message
+    return None
+
+
+@pytest.mark.filterwarnings("error")
+@SETTINGS
+@given(ANY, ANY)
+def test_matrices(T, a):
+    for function in (motion.white_acceleration, motion.step_acceleration):
+        Q = outcome(function, T, a)
+        assert Q is None or (np.isfinite(Q).all() and (Q == Q.T).all() and (np.diag(Q) >= 0).all())
+    F = outcome(motion.coordinated_turn, a, T)
+    assert F is None or np.isfinite(F).all()
+    F = outcome(motion.cv, T)
+    assert F is None or np.isfinite(F).all()
+
+
+@pytest.mark.filterwarnings("error")
+@SETTINGS
+@given(arrays(float, st.tuples(st.integers(0, 3), st.integers(0, 3)), elements=ANY))
+def test_transition_matrices(Pi):
+    found = outcome(motion.check_transitions, Pi)
+    if found is not None:
+        assert Pi.shape[0] == Pi.shape[1] > 0
+        np.testing.assert_allclose(Pi.sum(axis=1), 1.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_transition(good):
+    @SETTINGS
+    @given(st.integers(0, 6), st.booleans(), st.data())
+    def run(n, redraw, data):
+        value, low, high = (st.floats(0, 0.999), 0, 2) if good else (ANY, -1, 3)
+        r = data.draw(arrays(np.int64, n, elements=st.integers(low, high)))
+        S, a = (data.draw(arrays(float, (n, m), elements=value)) for m in (5, 2))
+        u, T = data.draw(arrays(float, n, elements=value)), data.draw(value)
+        Pi, omegas = PI.copy(), OMEGAS[: data.draw(st.sampled_from([0, 2]))].copy()
+        if not good and data.draw(st.booleans()):
+            Pi[1, 1] = data.draw(ANY)
+        before = S.copy()
+        found = outcome(motion.transition, r, S, Pi, T, u, a, omegas, redraw)
+        assert found is not None or not good
+        if found:
+            after, born, states = found
+            assert ((after >= 0) & (after <= 2)).all()
+            expected = np.flatnonzero((r == 0) & (after > 0)) if redraw else []
+            np.testing.assert_array_equal(born, expected)
+            np.testing.assert_array_equal(states[after == 0], before[after == 0])
+            assert np.isfinite(states).all() or not good
+
+    run()
+
+
+@SETTINGS
+@given(arrays(float, (5, 3), elements=ANY), arrays(float, (2, 2), elements=ANY))
+def test_box_states(u, omegas):
+    low, width = np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 0.0])
+    S = outcome(motion.box_states, u, low, width, omegas)
+    if S is None:
+        return
+    inside = (S[:, :4] >= low) & (S[:, :4] <= low + width)
+    assert (inside | ~((u[:4] >= 0) & (u[:4] <= 1)).T).all()
+
+
+STEP = (np.zeros(1, int), np.zeros((1, 5)), PI, 1.0, np.zeros(1), np.zeros((1, 2)), OMEGAS, True)
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "words"),
+    [
+        (0, np.array([3]), "regime"),
+        (0, np.array([-1]), "regime"),
+        (1, np.zeros((1, 4)), "give r"),
+        (1, np.zeros(5), "give r"),
+        (2, np.eye(2), "give r"),
+        (2, PI[0], "give r"),
+        (2, PI + 0.1, "row of Pi"),
+        (2, PI * np.nan, "row of Pi"),
+        (2, np.array([[2.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "row of Pi"),
+        (3, np.nan, "T is not finite"),
+        (4, np.ones(1), "draw"),
+        (4, np.full(1, np.nan), "draw"),
+        (4, np.full(1, -0.1), "draw"),
+        (4, np.zeros(2), "give r"),
+        (5, np.zeros((2, 2)), "give r"),
+        (6, OMEGAS[:1], "two intervals"),
+        (6, OMEGAS[:, ::-1].copy(), "two intervals"),
+        (6, OMEGAS * np.nan, "two intervals"),
+    ],
+)
+def test_nonsense_in_a_transition_is_refused(at, value, words):
+    args = [a.copy() if isinstance(a, np.ndarray) else a for a in STEP]
+    args[at] = value
+    with pytest.raises(ValueError, match=words) as caught:
+        motion.transition(*args)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("u", "omegas", "words"),
+    [
+        (np.zeros((4, 1)), OMEGAS, "give u"),
+        (np.zeros((5, 1)), OMEGAS[:1], "two intervals"),
+        (np.zeros((5, 1)), np.array([[0.0, np.inf], [1.0, 2.0]]), "two intervals"),
+    ],
+)
+def test_nonsense_in_a_box_is_refused(u, omegas, words):
+    with pytest.raises(ValueError, match=words):
+        motion.box_states(u, np.zeros(4), np.ones(4), omegas)
+
+
+@pytest.mark.parametrize(
+    ("function", "args"),
+    [
+        ("cv", (np.nan,)),
+        ("white_acceleration", (-1.0, 1.0)),
+        ("white_acceleration", (1.0, -1.0)),
+        ("step_acceleration", (1.0, -1.0)),
+        ("coordinated_turn", (np.inf, 1.0)),
+    ],
+)
+def test_nonsense_in_a_matrix_is_refused(function, args):
+    with pytest.raises(ValueError, match="must be finite"):
+        getattr(motion, function)(*args)

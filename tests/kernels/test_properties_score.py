@@ -1,0 +1,106 @@
+"""OSPA, proportions, crossings: any input stays in its bounds, or gives a one-line ValueError."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tbdcore import score
+
+SETTINGS = settings(derandomize=True, deadline=None, max_examples=200)
+ANY = st.one_of(st.floats(0, 1), st.floats(-100, 100), st.floats())
+SETS = arrays(float, st.tuples(st.integers(0, 3), st.integers(1, 2)), elements=ANY)
+
+
+def outcome(function, *args):
+    """The result, or None after a ValueError of one line."""
+    try:
+        return function(*args)
+    except ValueError as error:
+        message = str(error)
+    assert message
+    assert "\n" not in message
+    return None
+
+
+@pytest.mark.filterwarnings("error")
+@SETTINGS
+@given(SETS, SETS, ANY, st.one_of(st.sampled_from([1, 2]), ANY))
+def test_ospa_is_a_bounded_symmetric_distance(X, Y, c, p):
+    d = outcome(score.ospa, X, Y, c, p)
+    if d is not None:
+        assert 0 <= d <= c * (1 + 1e-9)
+        assert d == pytest.approx(score.ospa(Y, X, c, p), rel=1e-9)
+        assert score.ospa(X, X, c, p) == 0
+
+
+@pytest.mark.filterwarnings("error")
+@SETTINGS
+@given(*[arrays(float, (3, 2), elements=ANY)] * 2, arrays(float, 3, elements=ANY), ANY)
+def test_ospa_of_at_most_one_target(x, truth, existence, c):
+    d = outcome(score.ospa_bernoulli, x, existence, truth, c)
+    assert d is None or ((d >= 0) & (d <= c)).all()
+
+
+@pytest.mark.filterwarnings("error")
+@SETTINGS
+@given(ANY, ANY, ANY)
+def test_intervals_contain_the_share(k, n, z):
+    found = outcome(score.wilson, k, n, z)
+    share = outcome(score.proportion, k, n)
+    if found and n > 0:
+        assert -1e-9 <= found[0] <= share[0] + 1e-9
+        assert share[0] - 1e-9 <= found[1] <= 1 + 1e-9
+
+
+@pytest.mark.filterwarnings("error")
+@SETTINGS
+@given(st.lists(ANY, max_size=6), st.data(), ANY)
+def test_crossings_lie_on_the_axis(x, data, level):
+    curves = data.draw(arrays(float, (2, len(x)), elements=ANY))
+    found = outcome(score.crossings, x, curves, level)
+    if found is not None:
+        low, high = min(x, default=0), max(x, default=0)
+        slack = 1e-9 * (abs(low) + abs(high))
+        inside = (found >= low - slack) & (found <= high + slack)
+        assert (np.isnan(found) | inside).all()
+
+
+ONE = np.zeros((1, 2))
+
+
+@pytest.mark.parametrize(
+    ("function", "args", "words"),
+    [
+        ("ospa", (ONE, np.zeros((1, 3)), 1.0, 2), "shapes"),
+        ("ospa", (np.zeros((1, 1, 2)), ONE, 1.0, 2), "shapes"),
+        ("ospa", (ONE * np.nan, ONE, 1.0, 2), "NaN"),
+        ("ospa", (ONE, ONE, 1e300, 2), "finite"),
+        ("ospa_bernoulli", (ONE, [1.0], ONE[0], 1.0), "give x"),
+        ("ospa_bernoulli", (ONE, [np.nan], ONE, 1.0), "NaN"),
+        ("ospa_bernoulli", (ONE * np.nan, [1.0], ONE, 1.0), "NaN"),
+        ("ospa_bernoulli", (ONE, [1.0], ONE, -1.0), "positive"),
+        ("proportion", (3, 2), "0 <= k <= n"),
+        ("proportion", (-1, 2), "0 <= k <= n"),
+        ("wilson", (np.nan, 2), "0 <= k <= n"),
+        ("wilson", (1, 2, 0.0), "quantile"),
+        ("crossing", ([0, 1], [[1.0, 0.0]], 0.5), "one value per x"),
+        ("crossings", ([0, 1, 2], [[1.0, 0.0]], 0.5), "abscissas"),
+        ("crossings", ([0, 0], [[1.0, 0.0]], 0.5), "monotone"),
+        ("crossings", ([0, np.nan], [[1.0, 0.0]], 0.5), "monotone"),
+        ("crossings", ([0, 1], [[np.inf, 0.0]], 0.5), "infinite"),
+        ("crossings", ([0, 1], [[1.0, 0.0]], np.nan), "infinite"),
+        ("loss_onsets", (np.full((3, 1, 2), np.nan), 1.0, 2), "without NaN"),
+        ("loss_onsets", (np.zeros((3, 2)), 1.0, 2), "give errors"),
+        ("loss_onsets", (np.zeros((3, 1, 2)), 1.0, 0), "scans >= 1"),
+        ("loss_onsets", (np.zeros((3, 1, 2)), 0.0, 1), "distance > 0"),
+        ("kept_rmse", (np.zeros((3, 2, 1, 2)), np.ones((2, 1), bool)), "kept"),
+        ("kept_rmse", (np.zeros((0, 2, 1, 2)), np.ones((0, 1), bool)), "kept"),
+        ("influence_error", (np.zeros((0, 2)),), "no trial"),
+    ],
+)
+def test_nonsense_is_refused_in_one_line(function, args, words):
+    with pytest.raises(ValueError, match=words) as caught:
+        getattr(score, function)(*args)
+    assert "\n" not in str(caught.value)
