@@ -176,15 +176,20 @@ def test_zero_information_amplitude_is_ljipda_bit_for_bit():
         np.testing.assert_array_equal(our, plain)
 
 
-def test_visibility_ignores_the_amplitude_and_completes_to_one():
+def test_visibility_by_enumeration_of_the_claims_on_a_plot():
+    """Tracks claim a plot independently with the prior (12); at most one of them is right."""
     log_ratio, existence, detect = scene(6, 3, 4, outside=0.0)
-    odds = association.prior_odds(log_ratio, existence, detect)
-    source = odds / (1 + odds.sum(axis=0))
+    density = np.exp(log_ratio)
+    prior = (detect * existence)[:, None] * density / density.sum(axis=1, keepdims=True)
+    total, unclaimed = np.zeros(4), np.zeros((3, 4))  # by others than t
+    for claims in itertools.product((False, True), repeat=3):
+        if sum(claims) <= 1:
+            weight = np.where(np.array(claims)[:, None], prior, 1 - prior).prod(axis=0)
+            total += weight
+            for t in range(3):
+                unclaimed[t] += weight if sum(claims) == claims[t] else 0
     np.testing.assert_allclose(
-        source.sum(axis=0) + 1 / (1 + odds.sum(axis=0)), 1.0, rtol=1e-14
-    )  # (13)
-    np.testing.assert_allclose(
-        visibility(log_ratio, existence, detect), 1 - (source.sum(axis=0) - source), rtol=1e-13
+        visibility(log_ratio, existence, detect), unclaimed / total, rtol=1e-12
     )
 
 
