@@ -1,13 +1,10 @@
-"""The shared numerical core and the reproduction harness of five radar papers.
+"""The numerical core of five reproduced radar papers.
 
-A notebook under ``notebooks/`` derives one paper and shows its algorithm; what it needs and another
-notebook needs too, or what is a textbook formula or a compiled loop, is here.  Two groups of
-modules, which do not import one another:
-
-=============  =====================================================================================================
-numerical      ``motion`` ``sensor`` ``detection`` ``particles`` ``kalman`` ``association`` ``dynprog``
-harness        ``score`` ``trials`` ``claims`` ``figures`` ``pages`` ``batch`` ``cite`` ``doctor`` ``cli`` (``paths``: every folder)
-=============  =====================================================================================================
+A notebook under ``notebooks/`` derives one paper and shows its algorithm.  Textbook formulas,
+compiled loops and whatever two notebooks share are here.  The core needs numpy, scipy and numba:
+``motion`` ``sensor`` ``detection`` ``particles`` ``kalman`` ``association`` ``dynprog`` ``score``,
+and ``checks`` for their arguments.  The harness around the notebooks is ``tbdcore.repro``; the core
+does not import it, except for ``begin`` and ``page``, which load it when called.
 
 Three names are of the package itself:
 

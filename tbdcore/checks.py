@@ -70,7 +70,7 @@ def within(name, a, low, high):
 @kernel
 def _outside(flat, low, high):
     """How many elements are not in [low, high]; NaN is not."""
-    count = 0
+    inside = 0
     for n in range(flat.size):
-        count += not low <= flat[n] <= high
-    return count
+        inside += (flat[n] >= low) & (flat[n] <= high)
+    return flat.size - inside

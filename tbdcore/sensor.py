@@ -405,9 +405,9 @@ def _patches(z, rho, alpha, spread):
 
 
 @kernel
-def _inside(rho, alpha, z):
+def _inside(rho, alpha, nr, na):
     """Whether a place is on the frame; NaN is not."""
-    return 0.5 <= rho < z.shape[0] + 0.5 and 0.5 <= alpha < z.shape[1] + 0.5
+    return 0.5 <= rho < nr + 0.5 and 0.5 <= alpha < na + 0.5
 
 
 @kernel
@@ -435,17 +435,16 @@ def _decays(spread):
 
 
 @kernel
-def _patch(rho, alpha, peak, spread, decays, gr, ga):
-    """Fill gr (2 hr + 1,), ga (2 ha + 1,), peak h**2 = gr ga; first row and column of the patch.
+def _patch(rho, alpha, spread):
+    """First row and column of a patch, h**2 at its central cell, and the tilts of both axes.
 
-    Row and column count from 0 and may lie outside the frame.
+    Row and column count from 0 and may lie outside the frame; tilts as in :func:`_gaussian`.
     """
     lr, la, hr, ha = spread
     i0, j0 = int(rho + 0.5), int(alpha + 0.5)
     d, e = rho - i0, alpha - j0
-    _gaussian(gr, peak * math.exp(-lr * d * d - la * e * e), math.exp(2.0 * lr * d), decays[0])
-    _gaussian(ga, 1.0, math.exp(2.0 * la * e), decays[1])
-    return i0 - 1 - hr, j0 - 1 - ha
+    h2 = math.exp(-lr * d * d - la * e * e)
+    return i0 - 1 - hr, j0 - 1 - ha, h2, math.exp(2.0 * lr * d), math.exp(2.0 * la * e)
 
 
 def power_log_ratio_spec(z, rho, alpha, snr, spread):
@@ -494,18 +493,20 @@ def _power_log_ratio(z, rho, alpha, snr, spread):
     """
     (nr, na), (_, _, hr, ha) = z.shape, spread
     w = min(4 * (ha // 2) + 4, na)  # columns in the window: at least 2 ha + 1, a multiple of four
-    decays, gr, padded = _decays(spread), np.empty(2 * hr + 1), np.zeros(2 * (w + ha) + 1)
+    (fr, fa), gr, padded = _decays(spread), np.empty(2 * hr + 1), np.zeros(2 * (w + ha) + 1)
     ga = padded[w : w + 2 * ha + 1]
     num, den = np.empty(w), np.empty(w)
     out = np.empty(rho.size)
     for n in range(rho.size):
-        if not _inside(rho[n], alpha[n], z):
+        if not _inside(rho[n], alpha[n], nr, na):
             out[n] = -np.inf
             continue
         if snr[n] <= 0.0:
             out[n] = 0.0
             continue
-        top, left = _patch(rho[n], alpha[n], snr[n], spread, decays, gr, ga)
+        top, left, h2, tilt_r, tilt_a = _patch(rho[n], alpha[n], spread)
+        _gaussian(gr, snr[n] * h2, tilt_r, fr)
+        _gaussian(ga, 1.0, tilt_a, fa)
         first = min(max(left, 0), na - w)
         start = w + first - left
         c = padded[start : start + w]
@@ -554,9 +555,10 @@ def cell_power(z, rho, alpha):
 
 @kernel
 def _cell_power(z, rho, alpha):
+    nr, na = z.shape
     out = np.zeros(rho.size)
     for n in range(rho.size):
-        if _inside(rho[n], alpha[n], z):
+        if _inside(rho[n], alpha[n], nr, na):
             out[n] = z[int(rho[n] + 0.5) - 1, int(alpha[n] + 0.5) - 1]
     return out
 
@@ -581,13 +583,15 @@ def patch_fit(z, rho, alpha, spread):
 
 @kernel
 def _patch_fit(z, rho, alpha, spread):
-    (nr, na), (_, _, hr, ha), decays = z.shape, spread, _decays(spread)
+    (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
     gr, ga, column = np.empty(2 * hr + 1), np.empty(2 * ha + 1), np.empty(2 * ha + 1)
     out = np.zeros((2, rho.size))
     for n in range(rho.size):
-        if not _inside(rho[n], alpha[n], z):
+        if not _inside(rho[n], alpha[n], nr, na):
             continue
-        top, left = _patch(rho[n], alpha[n], 1.0, spread, decays, gr, ga)
+        top, left, h2, tilt_r, tilt_a = _patch(rho[n], alpha[n], spread)
+        _gaussian(gr, h2, tilt_r, fr)
+        _gaussian(ga, 1.0, tilt_a, fa)
         lo, hi = max(left, 0), min(left + ga.size, na)
         for k in range(hi - lo):
             column[k] = 0.0
@@ -665,15 +669,17 @@ def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
 @kernel
 def _coherent(z, rho, alpha, snr, spread, step, table, out):
     """The loop of :func:`coherent_log_ratio`; spread : of the amplitude."""
-    (nr, na), (_, _, hr, ha), decays = z.shape, spread, _decays(spread)
+    (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
     gr, ga = np.empty(2 * hr + 1), np.empty(2 * ha + 1)
     x = np.empty(gr.size * ga.size)
     for n in range(rho.size):
-        inside = _inside(rho[n], alpha[n], z)
+        inside = _inside(rho[n], alpha[n], nr, na)
         out[n] = 0.0 if inside else -np.inf
         if not inside or snr[n] <= 1e-300:
             continue
-        top, left = _patch(rho[n], alpha[n], 1.0, spread, decays, gr, ga)
+        top, left, h2, tilt_r, tilt_a = _patch(rho[n], alpha[n], spread)
+        _gaussian(gr, h2, tilt_r, fr)
+        _gaussian(ga, 1.0, tilt_a, fa)
         cells, energy = 0, 1.0 / snr[n]
         for i in range(max(top, 0), min(top + gr.size, nr)):
             for j in range(max(left, 0), min(left + ga.size, na)):
