@@ -50,7 +50,7 @@ def main(argv=None):
     words = sys.argv[1:] if argv is None else argv
     report = partial(_report, debug="--debug" in words)
     try:
-        with _interruptible():
+        with products.signals_to(signal.default_int_handler):
             arguments = _parse(words)
             paths.root()
             with _figures(getattr(arguments, "figures", None)):
@@ -83,21 +83,6 @@ def _report(error, code, debug=False):
         else:
             print(f"tbdcore: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
     return code
-
-
-@contextlib.contextmanager
-def _interruptible():
-    """SIGTERM and SIGHUP act like Ctrl-C; what the caller ignores (nohup) stays ignored."""
-    before = {}
-    with contextlib.suppress(ValueError):  # not the main thread
-        for number in products.ENDING:
-            if signal.getsignal(number) != signal.SIG_IGN:
-                before[number] = signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler or signal.SIG_DFL)
 
 
 @contextlib.contextmanager
@@ -239,14 +224,11 @@ def _run(arguments):
     jobs = {paper: _values(paper, arguments) for paper in named}
     changed = arguments.given or arguments.quick or arguments.out or arguments.resume
     if arguments.in_place and changed:
-        raise CommandError(
-            "--in-place executes the committed notebooks with their defaults; drop -p, --quick, "
-            "--out and --resume"
-        )
+        advice = "drop -p, --quick, --out and --resume"
+        raise CommandError(f"--in-place executes the notebooks with their defaults; {advice}")
     _find_clusters(jobs.values(), arguments)
     folder = paths.BUILD / "quick" if arguments.quick else paths.BUILD
-    options = {"say": _progress(arguments), "resume": arguments.resume, "debug": arguments.debug}
-    status = GOOD
+    status, options = GOOD, _options(arguments)
     for paper, values in jobs.items():
         output = folder / pages.path(paper).name
         result = _result(arguments, paper, partial(batch.run, paper, values, output, **options))
@@ -262,20 +244,16 @@ def _sweep(arguments):
     """Run one notebook for each value of a parameter."""
     from tbdcore.repro import batch, pages
 
-    paper = arguments.paper
-    name, equals, text = arguments.values.partition("=")
-    known = pages.parameters(paper)
+    paper, (name, _, text) = arguments.paper, arguments.values.partition("=")
+    known, said = pages.parameters(paper), ""
     if paper not in pages.papers():
-        raise CommandError(
-            f"sweep {paper}: it has no verdicts to tabulate; "
-            f"sweep one of {', '.join(pages.papers())}"
-        )
-    if not equals or not text:
-        raise CommandError(
-            f"sweep {arguments.values}: write the parameter and its values as name=v1,v2"
-        )
-    if name in pages.PLUMBING:
-        raise CommandError(f"sweep {name}: it cannot change a result; sweep another parameter")
+        said = f"{paper}: it has no verdicts; sweep one of {', '.join(pages.papers())}"
+    elif not text:
+        said = f"{arguments.values}: write the parameter and its values as name=v1,v2"
+    elif name in pages.PLUMBING:
+        said = f"{name}: it cannot change a result; sweep another parameter"
+    if said:
+        raise CommandError(f"sweep {said}")
     listed = text.split(";" if name in known and known[name].type == "list" else ",")
     runs = []
     for value in listed:
@@ -285,9 +263,8 @@ def _sweep(arguments):
         runs.append((value, values))
     _find_clusters([values for _, values in runs], arguments)
     folder = paths.BUILD / "sweep" / paper
-    if arguments.out:
-        folder = pages.usable(arguments.out)
-    options = {"say": _progress(arguments), "resume": arguments.resume, "debug": arguments.debug}
+    folder = pages.usable(arguments.out) if arguments.out else folder
+    options = _options(arguments)
     results = batch.sweep(paper, name, runs, folder, **options)
     ended = [_result(arguments, paper, partial(next, results)).status for _ in runs]
     if GOOD in ended:
@@ -295,9 +272,10 @@ def _sweep(arguments):
     return max(ended)
 
 
-def _progress(arguments):
-    """A function that prints a line of progress: on standard error where JSON goes to the other."""
-    return partial(print, file=sys.stderr if arguments.json else sys.stdout, flush=True)
+def _options(arguments):
+    """The options of a run; lines of progress go to standard error where JSON goes to the other."""
+    say = partial(print, file=sys.stderr if arguments.json else sys.stdout, flush=True)
+    return {"say": say, "resume": arguments.resume, "debug": arguments.debug}
 
 
 def _result(arguments, paper, run):
@@ -374,7 +352,7 @@ def _find_clusters(jobs, arguments):
             workers, threads = trials.cluster(address)
         except ConnectionError as error:
             raise CommandError(error, ENVIRONMENT) from None
-        _progress(arguments)(f"scheduler {address}: workers {workers}, threads {threads}")
+        _options(arguments)["say"](f"scheduler {address}: workers {workers}, threads {threads}")
 
 
 # Products --------------------------------------------------------------------------------------
@@ -449,33 +427,23 @@ def _list(arguments):
     """The papers; of one paper its parameters, and its products with captions."""
     from tbdcore.repro import cite, pages
 
-    about = {paper: {"topic": "All papers"} for paper in pages.everything()} | cite.papers()
+    topics = {paper: about["topic"] for paper, about in cite.papers().items()}
     if arguments.paper is None:
-        rows = [(name, pages.path(name).name, about[name]["topic"]) for name in about]
-        print(_columns(rows))
+        for paper in pages.everything():
+            topic = topics.get(paper, "all papers")
+            print(f"{paper:<12}{pages.path(paper).name:<22}{topic}")
         return GOOD
-    notebook = pages.path(arguments.paper)
-    parameters = pages.parameters(arguments.paper).values()
-    rows = [
-        (f"  {one.name}", one.type, json.dumps(one.default), one.allowed(), one.meaning)
-        for one in parameters
-    ]
-    print(f"{arguments.paper}: {about[arguments.paper]['topic']}, notebooks/{notebook.name}\n")
-    print(f"parameters (-p name=value)\n{_columns(rows)}\n\nfigures and tables (tbdcore cite ID)")
-    made = cite.ids(arguments.paper)
-    text = _captions([arguments.paper]) if made else f"none in {paths.figures()}\n"
-    print(textwrap.indent(text, "  "), end="")
+    paper, notebook = arguments.paper, pages.path(arguments.paper).name
+    print(f"{paper}: {topics.get(paper, 'all papers')}, notebooks/{notebook}\n\nparameters")
+    for one in pages.parameters(paper).values():
+        quick = "" if one.quick is None else f"quick {one.quick}"
+        limits = "; ".join(filter(None, (one.allowed(), quick)))
+        print(f"  {one.name}: {one.type} = {json.dumps(one.default)}  {limits}".rstrip())
+        print(textwrap.indent(textwrap.fill(one.meaning, 92), "      "))
+    print("\nfigures and tables")
+    made = _captions([paper]) if cite.ids(paper) else f"none in {paths.figures()}\n"
+    print(textwrap.indent(made, "  "), end="")
     return GOOD
-
-
-def _columns(rows):
-    """Rows of text as columns of equal width."""
-    widths = [min(32, max(map(len, column))) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
-        for row in rows
-    ]
-    return "\n".join(line.rstrip() for line in lines)
 
 
 def _doctor(arguments):

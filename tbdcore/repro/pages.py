@@ -219,8 +219,10 @@ def parameters(paper):
             f"{path(paper).name}: {len(found)} cells are tagged 'parameters'; there must be one"
         )
     try:
-        comments, tree = _comments(found[0]), ast.parse(found[0])
-        lines = [_parameter(node, comments.get(node.end_lineno, "")) for node in tree.body]
+        comments, lines = _comments(found[0]), []
+        for node in ast.parse(found[0]).body:  # a long line may have been wrapped in brackets
+            said = [comments.get(line) for line in range(node.lineno, node.end_lineno + 1)]
+            lines.append(_parameter(node, next(filter(None, said), "")))
     except (ValueError, SyntaxError, AttributeError, TypeError, tokenize.TokenError) as error:
         raise ValueError(f"{path(paper).name}: its parameters cell is damaged: {error}") from None
     return {parameter.name: parameter for parameter in lines}

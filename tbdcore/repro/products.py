@@ -56,21 +56,31 @@ def write(folder, files, old=()):
 
 
 @contextlib.contextmanager
-def signals_held():
-    """Hold back signals that ask the run to end until the block is done.
+def signals_to(handler):
+    """Signals that ask the run to end go to a handler until the block is done.
 
-    Signals reach the main thread only; one that is ignored stays ignored.
+    They reach the main thread only; one that the caller ignores (nohup) stays ignored.
     """
-    came, before = [], {}
+    before = {}
     with contextlib.suppress(ValueError):  # not the main thread
         for number in ENDING:
             if signal.getsignal(number) != signal.SIG_IGN:
-                before[number] = signal.signal(number, lambda *event: came.append(event[0]))
+                before[number] = signal.signal(number, handler)
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler or signal.SIG_DFL)
+        for number, earlier in before.items():
+            signal.signal(number, earlier or signal.SIG_DFL)
+
+
+@contextlib.contextmanager
+def signals_held():
+    """Hold back signals that ask the run to end until the block is done."""
+    came = []
+    try:
+        with signals_to(lambda *event: came.append(event[0])):
+            yield
+    finally:
         for number in came:
             signal.raise_signal(number)
 

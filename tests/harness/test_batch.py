@@ -205,9 +205,14 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
     assert not (build / f"tmp.{pid}.part").exists()
 
 
-def test_debug_shows_where_a_cell_failed(inside, capsys):
-    tiny.change(inside, trials="1 / 0")
-    assert cli.main(["run", "--debug"]) == 1
-    err = capsys.readouterr().err
-    assert "ZeroDivisionError" in err
-    assert "Traceback" in err
+def test_debug_shows_where_a_run_failed(tmp_path, capsys):
+    outcome = {
+        "kind": "ValueError",
+        "error": "tiny: bad",
+        "trace": "Traceback\n  ...\nValueError: bad",
+    }
+    (tmp_path / "stderr").touch()
+    (tmp_path / "outcome").write_text(json.dumps(outcome))
+    with pytest.raises(ValueError, match="^tiny: bad$"):
+        batch._raise_failure("tiny", 0, tmp_path, debug=True)
+    assert capsys.readouterr().err == outcome["trace"] + "\n"

@@ -248,14 +248,14 @@ def test_the_command_line_starts_without_what_is_slow(repository, words):
 
 def test_list_names_the_papers(repository, capsys):
     assert cli.main(["list"]) == 0
-    assert capsys.readouterr().out == "tiny  01_tiny.ipynb  Means\n"
+    assert capsys.readouterr().out == "tiny        01_tiny.ipynb         Means\n"
 
 
 def test_list_of_a_paper_shows_parameters_and_products(inside, capsys):
     assert cli.main(["list", "tiny"]) == 0
     out = capsys.readouterr().out
     lines = out.splitlines()
-    assert ["n_trials", "int", "400", "in", "[1,", "inf)", "draws"] in map(str.split, lines)
+    assert "  n_trials: int = 400  in [1, inf); quick 40\n      draws\n" in out
     assert "\n  tiny/fig1\n    Nine draws, 100 % of them.\n" in out
     assert max(map(len, lines)) <= 100
 

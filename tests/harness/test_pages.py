@@ -20,7 +20,9 @@ workers: int = 0  # processes, 0 for one per core; in [0, inf)
 scheduler: str = ""  # address of a dask scheduler, empty for this machine
 out: str = ""  # folder for products, empty for the repository's figures/
 track_pfa: float = 0.1  # track false-alarm probability P_F; in (0, 1)
-blur: float = 0.6  # width in cells; in (0, 0.8]
+blur: float = (
+    0.6  # width in cells, a line that was wrapped; in (0, 0.8]
+)
 reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"
 snr_db: list = [3, 4.5]  # grid, dB; in [-30, 40]
 square_law: bool = False  # accumulate z**2
@@ -64,6 +66,13 @@ def test_parameters_are_read_from_the_cell(paper):
     assert known["n_trials"].quick == 40
     assert known["reading"].choices == ("m", "m-r")
     assert known["snr_db"].default == [3, 4.5]
+
+
+def test_every_committed_parameter_has_a_meaning_and_every_number_a_range():
+    for paper in pages.everything():
+        for one in pages.parameters(paper).values():
+            assert one.meaning, (paper, one.name)
+            assert one.type in ("str", "bool") or one.range() != "[-inf, inf]", (paper, one.name)
 
 
 GOOD = [
