@@ -219,14 +219,17 @@ class Portfolio:
 
     def _abandoned(self, folder):
         """Files of products of this paper in the folder that this run did not make."""
-        ours = [
-            file
-            for file in folder.glob("*.json")
-            if products.record(file).get("paper") == self.paper
-        ]
+        ours = [file for file in folder.glob("*.json") if self._is_ours(file)]
         suffixes = (*CANVASES, "csv", "md", "tex", "json")
         files = [file.with_suffix(f".{suffix}") for file in ours for suffix in suffixes]
         return [file for file in files if file.name not in self.files]
+
+    def _is_ours(self, file):
+        """Whether a JSON is the record, of any edition, of a product of this paper."""
+        try:
+            return json.loads(file.read_text(encoding="utf-8"))["paper"] == self.paper
+        except (ValueError, TypeError, KeyError):
+            return False
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):

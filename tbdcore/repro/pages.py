@@ -380,6 +380,7 @@ def digest(paper):
     except SyntaxError as error:
         raise ValueError(f"{path(paper).name}: a code cell is no Python: {error}") from None
     files = products.imported("\n".join([*code, EVERYWHERE]))
+    files.append(paths.PACKAGE / "__init__.py")  # the decorator of all kernels
     parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
     parts += [file.read_text(encoding="utf-8") for file in _shown(paper, code) if file.is_file()]
     if paper in claims.papers():
