@@ -27,6 +27,7 @@ import tempfile
 import time
 import traceback
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,7 +37,6 @@ from tbdcore.repro import claims, pages, paths, products, trials
 
 GOOD, FAILED = 0, 1
 TICK = 1.0  # seconds between two looks at a run
-PATIENCE = 1.5  # seconds that a process has to end before it is killed
 QUIET = {  # loky cleans up after killed workers, and says so; the debugger comments on its start
     "PYTHONWARNINGS": "ignore::UserWarning:loky.backend.resource_tracker",
     "PYDEVD_DISABLE_FILE_VALIDATION": "1",
@@ -91,16 +91,14 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
         return result
     expected, start = _expected(paper, values), time.monotonic()
     say(f"{paper}: running" + (f", {expected:.0f} s the last time" if expected else ""))
-    error = ""
     try:
-        clock = lambda: _show_clock(paper, time.monotonic() - start, expected)  # noqa: E731
+        clock = partial(_show_clock, paper, start, expected)
         _execute(paper, values, output, clock, debug)
-    except RuntimeError as failure:
-        error = str(failure)
+    except RuntimeError as error:
+        result = result._replace(notebook=str(pages.failed_at(output)), error=str(error))
     seconds = round(time.monotonic() - start, 1)
-    if error:
-        failed = str(pages.failed_at(output))
-        return result._replace(seconds=seconds, notebook=failed, status=FAILED, error=error)
+    if result.error:
+        return result._replace(seconds=seconds, status=FAILED)
     products.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
     result = result._replace(seconds=seconds, verdicts=counts(folder / paper))
     took = f"{seconds:.0f} s" + (f", expected {expected:.0f} s" if expected else "")
@@ -203,10 +201,10 @@ def _expected(paper, values):
         return float((paths.BUILD / "seconds" / _key(paper, values)).read_text())
 
 
-def _show_clock(paper, elapsed, expected):
+def _show_clock(paper, start, expected):
     """The time that a run has taken so far, on a terminal only."""
     if sys.stderr.isatty():
-        of = f" of about {expected:.0f}" if expected else ""
+        elapsed, of = time.monotonic() - start, f" of about {expected:.0f}" if expected else ""
         print(f"\r{paper}: {elapsed:.0f}{of} s\033[K\r", end="", file=sys.stderr, flush=True)
 
 
@@ -239,7 +237,7 @@ def _execute(paper, values, output, tick, debug):
         with products.signals_held():
             if child and child.poll() is None:
                 child.kill()  # nbclient would take a SIGTERM for itself
-            _end(seen | set(own.children(recursive=True)) - before)
+            trials.end(seen | set(own.children(recursive=True)) - before)
             shutil.rmtree(place, ignore_errors=True)
             _remove_leftovers(Path(values.get("out") or paths.figures()) / paper, output.parent)
 
@@ -274,16 +272,6 @@ def _main(paper, values, output, place, parent):
         outcome = {"kind": known[0].__name__ if known else "", "error": text}
         outcome["trace"] = traceback.format_exc()
     products.write(Path(place), {"outcome": json.dumps(outcome).encode()})
-
-
-def _end(processes):
-    """End processes: ask, wait, kill."""
-    for act in (psutil.Process.terminate, psutil.Process.kill):
-        processes = [process for process in processes if process.is_running()]
-        for process in processes:
-            with contextlib.suppress(psutil.NoSuchProcess):
-                act(process)
-        _, processes = psutil.wait_procs(processes, timeout=PATIENCE)
 
 
 def _remove_leftovers(*folders):

@@ -42,6 +42,7 @@ from tqdm import tqdm
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
 SHARES = 3  # a chunk is this part of a worker's share of the trials that are left
 PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
+NOTICE = 2  # seconds that a process has to end before it is killed
 DAY = 86400  # seconds an idle process waits; loky prints a warning when one leaves as work arrives
 
 
@@ -161,17 +162,25 @@ def process():
 
 
 def end_with_parent(parent):
-    """End this process, and all that it has started, within a second of its parent's end."""
+    """End this process, and all that it has started, within seconds of its parent's end."""
 
     def watch():
         while os.getppid() == parent:
             time.sleep(1)
-        for process in psutil.Process().children(recursive=True):
-            with contextlib.suppress(psutil.NoSuchProcess):
-                process.kill()
+        end(psutil.Process().children(recursive=True))
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def end(processes):
+    """End processes: ask, wait, kill."""
+    for act in (psutil.Process.terminate, psutil.Process.kill):
+        processes = [process for process in processes if process.is_running()]
+        for process in processes:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                act(process)
+        _, processes = psutil.wait_procs(processes, timeout=NOTICE)
 
 
 @contextlib.contextmanager

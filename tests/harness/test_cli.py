@@ -8,7 +8,7 @@ import pytest
 import tiny
 
 import tbdcore
-from tbdcore.repro import cli, paths
+from tbdcore.repro import batch, cli, paths, trials
 
 HEADER = "id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause"
 VERDICTS = f"""{HEADER}
@@ -109,6 +109,15 @@ def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys, 
     """One that does not answer is in test_trials."""
     pytest.importorskip("distributed")
     assert "no address of a dask scheduler" in said(capsys, 3, "run", "tiny", *option)
+
+
+def test_a_run_says_what_cluster_it_found(repository, capsys, monkeypatch):
+    """What it counts is in test_trials."""
+    done = batch.Result("tiny", 0.0, {}, "", "")
+    monkeypatch.setattr(trials, "cluster", lambda address: (2, 6))
+    monkeypatch.setattr(batch, "run", lambda *given, **options: done)
+    assert cli.main(["run", "tiny", "--scheduler", "tcp://host:8786"]) == 0
+    assert capsys.readouterr().out == "scheduler tcp://host:8786: workers 2, threads 6\n"
 
 
 @pytest.mark.parametrize("words", [["score"], ["run", "tiny"], ["sweep", "tiny", "shift=1,2"]])
