@@ -10,7 +10,7 @@ import pytest
 
 from tbdcore.repro import paths
 
-FOLDERS = {".ci", "benchmarks", "data", "figures", "notebooks", "tbdcore", "tests"}
+FOLDERS = {".ci", "benchmarks", "data", "docs", "figures", "notebooks", "tbdcore", "tests"}
 FILES = {
     ".gitignore",
     "CITATION.cff",

@@ -85,7 +85,7 @@ def test_nothing_failed_and_nothing_warned(name):
 def test_nothing_is_skipped(name):
     for number, cell in enumerate(cells(name), start=1):
         tags = cell["metadata"].get("tags", [])
-        assert set(tags) <= {"algorithm", "parameters"}, (
+        assert set(tags) <= {"algorithm", "parameters", "hide-input"}, (
             f"cell {number}: nbval obeys tags such as nbval-skip"
         )
         assert not re.search(r"(?i)#\s*(?:nbval|pytest)", source(cell)), f"cell {number}"
@@ -146,22 +146,39 @@ def test_no_output_knows_the_machine(name):
 def test_metadata_is_clean(name):
     notebook = json.loads(NOTEBOOKS[name].read_text(encoding="utf-8"))
     assert set(notebook["metadata"]) == {"kernelspec", "language_info"}
-    assert all(set(cell["metadata"]) <= {"tags"} for cell in notebook["cells"])
+    for cell in notebook["cells"]:
+        assert set(cell["metadata"]) <= {"tags", "jupyter", "mystnb"}
+        folded = "hide-input" in cell["metadata"].get("tags", [])
+        assert cell["metadata"].get("jupyter") == ({"source_hidden": True} if folded else None)
+
+
+@every_notebook
+def test_every_picture_has_a_visible_caption_and_alternative_text(name):
+    for cell in cells(name):
+        shown = [output for output in cell["outputs"] if "image/png" in output.get("data", {})]
+        for output in shown:
+            alt = output["metadata"]["image/png"]["alt"]
+            assert cell["metadata"]["mystnb"]["image"]["alt"] == alt
+            captions = [
+                "".join(o.get("data", {}).get("text/markdown", "")) for o in cell["outputs"]
+            ]
+            assert any(caption.endswith(alt) for caption in captions), alt
 
 
 @every_paper
-def test_parameters_come_first_and_are_complete(paper):
+def test_parameters_are_complete_and_nothing_runs_before_them(paper):
+    """Before them: imports, and the first screen, which shows committed products."""
     name = pages.path(paper).stem
-    tagged = [
-        i for i, cell in enumerate(cells(name)) if "parameters" in cell["metadata"].get("tags", [])
-    ]
+    tagged = [i for i, c in enumerate(cells(name)) if "parameters" in c["metadata"].get("tags", [])]
     assert len(tagged) == 1
-    for cell in cells(name)[: tagged[0]]:  # imports only
-        assert all(
-            isinstance(node, ast.Import | ast.ImportFrom) for node in ast.parse(source(cell)).body
-        )
+    for cell in cells(name)[: tagged[0]]:
+        for node in ast.parse(source(cell)).body:
+            shows = isinstance(node, ast.Expr) and ast.unparse(node).startswith("screen.")
+            text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+            assert isinstance(node, ast.Import | ast.ImportFrom) or shows or text
     known = pages.parameters(paper)
-    assert {parameter.name: parameter.type for parameter in list(known.values())[:5]} == COMMON
+    common = {parameter.name: parameter.type for parameter in list(known.values())[:5]}
+    assert common == COMMON
 
 
 @every_paper
@@ -199,18 +216,32 @@ def test_a_notebook_begins_and_publishes(paper):
 
 @every_paper
 def test_every_claim_of_the_paper_has_its_verdict(paper):
-    """In the committed verdicts; only the chapter whose text says why may leave a claim
-    `inconclusive`.
-    """
-    table = claims.verdicts(paper)
-    rows = claims.read(paper)
+    table, rows = claims.verdicts(paper), claims.read(paper)
     assert set(table["verdict"]) <= set(claims.VERDICTS)
-    assert paper == "mda_tbd" or "inconclusive" not in set(table["verdict"])
     for row in table.itertuples():
-        is_input = rows[row.id].kind == "input"
-        assert row.verdict != "used" or is_input, row.id
-        assert row.verdict in ("used", "untestable") or not is_input, row.id
-        assert bool(row.cause) == (row.verdict in ("differs", "untestable", "inconclusive")), row.id
+        claim = rows[row.id]
+        judged = row.verdict in ("reproduced", "differs", "inconclusive")
+        assert judged == bool(claim.rule) == bool(row.evidence), row.id
+        assert row.verdict != "used" or claim.kind == "input", row.id
+        assert bool(row.cause) == (row.verdict in ("differs", "untestable")), row.id
+
+
+@every_paper
+def test_a_cause_names_a_section_that_exists_or_says_not_excluded(paper):
+    headings = [
+        line.lstrip("# ")
+        for cell in cells(pages.path(paper).stem, "markdown")
+        for line in source(cell).splitlines()
+        if line.startswith("#")
+    ]
+    numbers = {heading.split(" ")[0].rstrip(".") for heading in headings}
+    for claim in claims.read(paper).values():
+        named = re.findall(
+            r"(?:[Ss]ections?|Appendix|Appendices) ([A-G](?:\.\d+)?|\d(?:\.\d+)?)", claim.cause
+        )
+        if claim.cause:
+            assert named or "not excluded" in claim.cause, f"{claim.id}: {claim.cause}"
+        assert set(named) <= numbers, f"{claim.id}: {claim.cause}"
 
 
 @every_paper
@@ -232,3 +263,115 @@ def test_every_figure_is_the_last_expression_of_its_cell(name):
             assert any("image/png" in output.get("data", {}) for output in cell["outputs"]), (
                 f"cell {number} does not show its figure"
             )
+
+
+# The shape of a chapter ------------------------------------------------------------------------
+
+MAIN = ("1", "2", "3", "4", "5", "6", "7")
+APPENDICES = "ABCDEFG"
+SECTIONS = {
+    "1": "Problem",
+    "2": "Data",
+    "3": "Derivation",
+    "4": "Algorithm",
+    "5": "Experiments",
+    "6": "Meaning",
+    "7": "Your own data",
+    "A": "Inputs and letters",
+    "B": "One frame by hand",
+    "C": "Checks",
+    "D": "Readings",
+    "E": "Every claim",
+    "F": "Beyond the paper",
+    "G": "Not done",
+}
+
+
+def all_cells(paper):
+    return json.loads(pages.path(paper).read_text(encoding="utf-8"))["cells"]
+
+
+def words(paper):
+    """Number of words before each cell, formulas as one word each."""
+    count, before = 0, []
+    for cell in all_cells(paper):
+        before.append(count)
+        if cell["cell_type"] == "markdown":
+            text = re.sub(r"\$\$.*?\$\$|\$[^$]*\$", " x ", source(cell), flags=re.DOTALL)
+            count += len(re.findall(r"\w+", text))
+    return [*before, count]
+
+
+def heading(cell):
+    """Number or letter and title of a section that begins in a cell, or None."""
+    if cell["cell_type"] != "markdown":
+        return None
+    found = re.match(r"##? (?:Appendix )?([1-7A-G])\.? (.+)", source(cell))
+    return found and (found[1], found[2].strip())
+
+
+@every_paper
+def test_a_chapter_has_the_sections_of_all_chapters(paper):
+    found = [title for cell in all_cells(paper) if (title := heading(cell))]
+    assert all(SECTIONS[number] == title for number, title in found), found
+    numbers = [number for number, _ in found]
+    assert numbers == sorted(numbers)
+    assert set(numbers) >= {*MAIN, "A", "C", "E"}
+
+
+@every_paper
+def test_a_chapter_is_short(paper):
+    chapter, before = all_cells(paper), words(paper)
+    starts = {title[0]: i for i, cell in enumerate(chapter) if (title := heading(cell))}
+    pictures = [
+        i
+        for i, cell in enumerate(chapter)
+        if any("image/png" in o.get("data", {}) for o in cell.get("outputs", []))
+    ]
+    code = [len(source(cell).splitlines()) for cell in chapter if cell["cell_type"] == "code"]
+    assert before[-1] <= 10_000
+    assert before[starts["A"]] <= 7_000, "words of the main line"
+    assert sum(code) <= 1_100
+    assert sorted(code)[len(code) // 2] <= 6, "lines of a median cell"
+    assert len(chapter) <= 200
+    assert pages.path(paper).stat().st_size < 1_500_000
+    results = [i for i in pictures if i > starts["5"]]
+    assert before[results[0]] - before[starts["1"]] < 2_000, "words before the first result"
+
+
+@every_paper
+def test_the_first_screen_shows_the_outcome(paper):
+    """Before the parameters: the table of verdicts and one figure, as committed."""
+    code = cells(pages.path(paper).stem)
+    first = [i for i, c in enumerate(code) if "parameters" in c["metadata"].get("tags", [])][0]
+    shown = "\n".join(source(cell) for cell in code[:first])
+    assert f'screen.outcome("{paper}"' in " ".join(shown.split()).replace("( ", "(")
+    assert "screen.exhibit(" in shown
+    for cell in code[:first]:
+        for output in cell["outputs"]:
+            text = "".join(output.get("data", {}).get("text/markdown", ""))
+            assert "not yet run" not in text
+            assert text.count("\n|") <= 8, "at most six rows"
+
+
+@every_notebook
+def test_no_printed_line_is_wider_than_the_book(name):
+    for count, text in texts(name):
+        plain = [line for line in text.splitlines() if not line.lstrip().startswith(("|", "<"))]
+        if "<table" not in text and not text.startswith(("|", "*")):
+            assert all(len(line) <= 100 for line in plain if "  " in line), f"cell {count}"
+
+
+@every_notebook
+def test_a_display_has_one_tag_and_none_with_line_breaks(name):
+    for cell in cells(name, "markdown"):
+        for formula in re.findall(r"\$\$(.*?)\$\$", source(cell), re.DOTALL):
+            tags = formula.count(r"\tag")
+            assert tags <= 1, formula
+            assert not (tags and r"\\" in formula), formula
+
+
+@every_notebook
+def test_the_code_fits_the_page(name):
+    for number, line in code_lines(name):
+        assert len(line) <= 100 or "  # " in line, f"cell {number}: {line}"
