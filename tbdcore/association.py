@@ -1,9 +1,8 @@
 """Data association: gating, exact joint marginals, and approximations without joint events.
 
-A scan gives plots z_1..z_M; T tracks predict where theirs should be.  A track t that exists with
-probability P^t and is detected inside its gate with probability D^t = P_D P_W either causes exactly
-one plot or none; a plot has at most one track; the rest is Poisson clutter of density lambda.
-Everything a tracker needs from the scan is the array ``log_ratio`` (T, M),
+A track t of T exists with probability P^t and is detected inside its gate with probability
+D^t = P_D P_W.  It causes one plot z_m of M or none; a plot has at most one track; the rest is
+Poisson clutter of density lambda.  What a tracker needs is the array ``log_ratio`` (T, M),
 
     l[t, m] = ln p^t(z_m) - ln lambda        -inf where plot m is outside the gate of track t
 
@@ -20,21 +19,19 @@ and every associator here has the same form, (log_ratio, existence, detect) -> (
 ``modulated``  each track alone, the other tracks added to the clutter density   O(M T)
 =============  ================================================================  =============
 
-The exact marginals need no list of events.  Go through the plots one by one and keep, for every
-subset A of tracks, the summed weight F_m(A) of all ways in which the first m plots use exactly the
-tracks of A; a plot is clutter or takes one track: F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m]
-F_{m-1}(A - t).  The same backwards gives the weight B_m(A) of completing the scan when A is used
-up, and the marginal of (t, m) is w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t) / B_0(empty).
+The exact marginals need no list of events.  For every subset A of tracks, F_m(A) is the summed
+weight of all ways in which the first m plots use exactly the tracks of A; a plot is clutter or
+takes one track: F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m] F_{m-1}(A - t).  The same backwards
+gives the weight B_m(A) of completing the scan when A is used up, and the marginal of (t, m) is
+w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t) / B_0(empty).
 
-Nothing overflows.  Amplitude ratios reach exp(700) and multiply over tracks, so weights stay
-logarithms until the dual variables of the best single assignment have been added to them: after
-that every factor is at most one and the best joint event weighs exactly one, so that what
-underflows is below 1e-300 of the sum.
+Nothing overflows: weights stay logarithms until the dual variables of the best single assignment
+have been added.  Then every factor is at most one and the best joint event weighs exactly one.
 
-Valid are float arrays with existence and detect in [0, 1] and log ratios of at most 1e9 in size, or
--inf; the kernels raise ValueError for anything else.  Zero tracks and zero plots are valid.  A
-certain track (existence and detect both 1) must have a plot, or ValueError is raised; a track that
-is impossible after the scan gets existence 0 and beta[t, 0] = 1.
+Valid are float arrays with existence and detect in [0, 1] and log ratios of at most 1e9, or -inf;
+the kernels raise ValueError for anything else.  Zero tracks and zero plots are valid.  A certain
+track (existence and detect both 1) must have a plot, or ValueError is raised; a track that is
+impossible after the scan gets existence 0 and beta[t, 0] = 1.
 
 References: Musicki, Evans and Stankovic (1994) for IPDA; Musicki and Evans (2004) for JIPDA;
 Musicki and La Scala (2008) for the modulated density.
@@ -50,48 +47,14 @@ from tbdcore import kernel
 MAX_TRACKS = 16  # tracks in one joint association: 2^16 subsets per plot, 0.5 MB a plot
 
 
-def check(z, D, existence, detect, density, joint=True):
-    """Raise ValueError for input with which a tracker cannot work.
-
-    ``z`` (M, 2) plots, ``D`` (T, 2, 2) covariances, ``existence`` and ``detect`` (T,)
-    probabilities, ``density`` the clutter density per m^2; ``joint`` is whether the tracks go
-    through :func:`jipda` together.  A NaN or infinite plot is refused here.
-    """
-    z, D = np.asarray(z, float), np.asarray(D, float)
-    T = len(existence)
-    if z.ndim != 2 or z.shape[1] != 2:
-        raise ValueError(f"association: plots of shape {z.shape}; give one row of x and y per plot")
-    for m in np.flatnonzero(~np.isfinite(z).all(axis=1)):
-        raise ValueError(f"association: plot {m} is {z[m].tolist()}, not finite; remove it")
-    if D.shape != (T, 2, 2) or np.shape(detect) != (T,):
-        raise ValueError(f"association: give covariances and detection for each of {T} tracks")
-    for t, S in enumerate(D):
-        if not (np.isfinite(S).all() and S[0, 1] == S[1, 0] and np.linalg.eigvalsh(S)[0] > 0):
-            raise ValueError(f"association: the covariance of track {t} is singular; correct it")
-    for name, values in (("existence", existence), ("detection", detect)):
-        for t, p in enumerate(np.asarray(values, float)):
-            if not 0 < p < 1:
-                raise ValueError(
-                    f"association: {name} probability {p:g} of track {t} not in (0, 1)"
-                )
-    if not 0 < density < math.inf:
-        raise ValueError(f"association: clutter density {density:g} per m^2 must be positive")
-    if joint and T > MAX_TRACKS:
-        raise ValueError(f"association: {T} tracks in one jipda, the limit is {MAX_TRACKS}; split")
-
-
 @kernel
-def _check(log_ratio, existence, detect):
-    """Raise ValueError unless the input of an associator is valid (module docstring)."""
-    T, M = log_ratio.shape
+def _check(T, existence, detect):
+    """Raise ValueError unless there are two probabilities for each of T tracks."""
     if existence.size != T or detect.size != T:
         raise ValueError("association: give one existence and one detect value for each track")
     for t in range(T):
         if not (0.0 <= existence[t] <= 1.0 + 1e-9 and 0.0 <= detect[t] <= 1.0):
             raise ValueError("association: existence or detect is not in [0, 1]; correct it")
-        for m in range(M):
-            if not log_ratio[t, m] <= 1e9:
-                raise ValueError("association: a log ratio is NaN or above 1e9; correct it")
 
 
 @kernel
@@ -104,11 +67,11 @@ def gate(z, zhat, S, gamma, p_gate):
     ln of N(z; zhat, S) / p_gate, -inf outside the track's own gate: eq. (21) of the LJIPDA-AI
     paper.  Raises ValueError for a NaN and for a covariance that is not positive definite.
     """
-    if z.ndim != 2 or zhat.ndim != 2 or S.ndim != 3 or S.shape != (len(zhat), 2, 2):
-        raise ValueError("association.gate: give plots (M, 2), predictions (T, 2), S (T, 2, 2)")
+    if z.ndim != 2 or zhat.ndim != 2 or z.shape[1] != 2 or zhat.shape[1] != 2:
+        raise ValueError("association.gate: give plots (M, 2) and predictions (T, 2)")
+    if S.ndim != 3 or S.shape != (len(zhat), 2, 2):
+        raise ValueError("association.gate: give one covariance (2, 2) for each prediction")
     M, T = z.shape[0], zhat.shape[0]
-    if z.shape[1] != 2 or zhat.shape[1] != 2:
-        raise ValueError("association.gate: give plots (M, 2), predictions (T, 2), S (T, 2, 2)")
     if not (0.0 < gamma < np.inf and 0.0 < p_gate <= 1.0):
         raise ValueError("association.gate: gamma must be positive and p_gate in (0, 1]")
     for t in range(T):
@@ -158,26 +121,27 @@ def ipda(log_ratio, existence, detect):
     """
     if log_ratio.ndim != 2:
         raise ValueError("association.ipda: log_ratio has one row per track, one column per plot")
-    _check(log_ratio, existence, detect)
     T, M = log_ratio.shape
+    _check(T, existence, detect)
     beta, posterior = np.empty((T, M + 1)), np.empty(T)
     for t in range(T):
         miss, hit = math.log(1.0 - detect[t]), math.log(detect[t])
         top = miss
         for m in range(M):
             top = max(top, hit + log_ratio[t, m])
-        if top == -np.inf and existence[t] >= 1.0:
-            raise ValueError("association.ipda: a certain track has no plot; lower its existence")
         if top == -np.inf:  # impossible: nothing is its plot
+            if existence[t] >= 1.0:
+                raise ValueError("association.ipda: a certain track has no plot; lower existence")
             beta[t], beta[t, 0], posterior[t] = 0.0, 1.0, 0.0
             continue
         beta[t, 0] = math.exp(miss - top)
         total = beta[t, 0]
         for m in range(M):
-            beta[t, m + 1] = (
-                0.0 if log_ratio[t, m] == -np.inf else math.exp(hit + log_ratio[t, m] - top)
-            )
+            l = log_ratio[t, m]
+            beta[t, m + 1] = 0.0 if l == -np.inf else math.exp(hit + l - top)
             total += beta[t, m + 1]
+        if not total < np.inf:
+            raise ValueError("association.ipda: a log ratio is NaN or infinite; correct it")
         for m in range(M + 1):
             beta[t, m] /= total
         dead = max(1.0 - existence[t], 0.0) * math.exp(min(-top, 700.0))
@@ -200,29 +164,30 @@ def ipda_spec(log_ratio, existence, detect):
 def prior_odds(log_ratio, existence, detect):
     """Odds P_m^t / (1 - P_m^t) of the prior (12), shape (T, M), zero outside the gate.
 
-    The prior shares D^t P^t among the plots of the gate in proportion to their densities; a common
-    factor of these, such as the clutter density, does not matter.  Raises ValueError where a
-    certain track has a single plot, whose odds are infinite.
+    The prior shares D^t P^t among the plots of the gate in proportion to their densities.  Raises
+    ValueError where a certain track has a single plot, whose odds are infinite.
     """
     if log_ratio.ndim != 2:
         raise ValueError("association: log_ratio has one row per track and one column per plot")
-    _check(log_ratio, existence, detect)
     T, M = log_ratio.shape
+    _check(T, existence, detect)
     odds = np.zeros((T, M))
     for t in range(T):
-        top = -np.inf
+        top, total, valid = -np.inf, 0.0, 0
         for m in range(M):
             top = max(top, log_ratio[t, m])
-        total = 0.0
+            valid += log_ratio[t, m] <= 1e9
+        if valid < M:
+            raise ValueError("association: a log ratio is NaN or above 1e9; correct it")
         for m in range(M):
             if log_ratio[t, m] > -np.inf:
                 odds[t, m] = math.exp(log_ratio[t, m] - top)
                 total += odds[t, m]
+        if detect[t] * existence[t] >= total > 0.0:
+            raise ValueError("association: the prior (12) of a plot is 1; lower existence")
         for m in range(M):
             if odds[t, m] > 0.0:
                 prior = detect[t] * existence[t] * odds[t, m] / total
-                if prior >= 1.0:
-                    raise ValueError("association: the prior (12) of a plot is 1; lower existence")
                 odds[t, m] = prior / (1.0 - prior)
     return odds
 
@@ -438,17 +403,17 @@ def jipda(log_ratio, existence, detect):
     """
     if log_ratio.ndim != 2:
         raise ValueError("association.jipda: log_ratio has one row per track, one column per plot")
-    _check(log_ratio, existence, detect)
     T, M = log_ratio.shape
+    _check(T, existence, detect)
     if T > MAX_TRACKS or (M + 1) << T > 1 << 27:
         raise ValueError("association.jipda: the limit is 16 tracks and 1 GB; split into clusters")
     log_w, log_miss = np.full((T, M), -np.inf), np.empty(T)
     for t in range(T):
         log_miss[t] = math.log(max(1.0 - detect[t] * existence[t], 0.0))
-        if existence[t] > 0.0:
-            for m in range(M):
-                if -np.inf < log_ratio[t, m] < -1e9:
-                    raise ValueError("association.jipda: a log ratio is below -1e9; make it -inf")
+        for m in range(M):
+            if not (abs(log_ratio[t, m]) <= 1e9 or log_ratio[t, m] == -np.inf):
+                raise ValueError("association.jipda: a log ratio is NaN, above 1e9 or below -1e9")
+            if existence[t] > 0.0:
                 log_w[t, m] = math.log(detect[t] * existence[t]) + log_ratio[t, m]
     a, v = _potentials(log_w, log_miss)
     for t in range(T):
@@ -484,41 +449,3 @@ def jipda_spec(log_ratio, existence, detect):
     posterior = joint.sum(axis=1)
     joint[:, 0] += posterior == 0  # an impossible track: nothing is its plot
     return joint / joint.sum(axis=1, keepdims=True), posterior
-
-
-def events(T, M):
-    """Number of joint events of T tracks that all share M plots: sum_k C(T, k) C(M, k) k!."""
-    return sum(math.comb(T, k) * math.comb(M, k) * math.factorial(k) for k in range(min(T, M) + 1))
-
-
-def listed_events(inside):
-    """Numbers of joint events for gates ``inside`` (T, M) bool: by cluster, and in one list.
-
-    A cluster is connected by shared plots; events of different clusters combine freely.  Within a
-    cluster they are counted plot by plot over the sets of tracks served, as ``jipda`` sums their
-    weights.
-    """
-    if np.ndim(inside) != 2:
-        raise ValueError("association.listed_events: give one row per track, one column per plot")
-    inside = np.asarray(inside, bool)
-    todo, counts = set(range(len(inside))), []
-    while todo:
-        cluster = _cluster(inside, todo.pop())
-        todo -= cluster
-        ways = {frozenset(): 1}
-        for plot in inside[sorted(cluster)].T:
-            more = dict(ways)
-            for served, count in ways.items():
-                for t in set(np.flatnonzero(plot)) - served:
-                    more[served | {t}] = more.get(served | {t}, 0) + count
-            ways = more
-        counts.append(sum(ways.values()))
-    return sum(counts), math.prod(counts)
-
-
-def _cluster(inside, t):
-    """Set of the tracks that are connected to track t by shared plots."""
-    cluster, plots = {t}, inside[t]
-    while len(more := set(np.flatnonzero(inside[:, plots].any(axis=1)))) > len(cluster):
-        cluster, plots = cluster | more, inside[sorted(more)].any(axis=0)
-    return cluster

@@ -1,27 +1,50 @@
 """Checks of what a caller passes: real numbers, their shape, their range.
 
-Every function that hands arrays to a compiled loop calls these first.  A wrong argument is a
-ValueError of one line that names the argument; a compiled loop would read outside its arrays, or
-raise Numba's own error of many lines.
+A wrong argument is a ValueError of one line that names it.  A compiled loop would read outside its
+arrays, or raise Numba's own error of many lines.
 """
 
+import functools
 import operator
 
 import numpy as np
+from numba import typeof
+from numba.core.errors import NumbaError
 
 from tbdcore import kernel
+
+_FLOATS, _INT = (np.dtype(np.float64), np.dtype(np.float32)), np.dtype(np.int64)
+
+
+def typed(compiled):
+    """A kernel whose arguments Python may get wrong: what Numba cannot compile is a ValueError."""
+
+    @functools.wraps(compiled.py_func)
+    def call(*args):
+        try:
+            return compiled(*args)
+        except (NumbaError, OverflowError):
+            name = f"{call.__module__}.{call.__name__}".removeprefix("tbdcore.")
+            raise ValueError(f"{name}: arguments of another type or shape; see help()") from None
+
+    call.py_func, call._numba_type_ = compiled.py_func, typeof(compiled)
+    return call
 
 
 def reals(name, values, *shape):
     """Array of real numbers of the given shape, in which a word stands for any size.
 
-    float32 and float64 are kept, other real numbers become float64.  Raises ValueError.
+    float32 and float64 are kept, other real numbers become float64.
     """
     a = np.asarray(values)
-    if a.dtype.kind not in "fiu":
-        raise ValueError(f"{name}: values of type {a.dtype}; give real numbers")
+    if a.shape == shape and a.dtype in _FLOATS:
+        return a
+    if a.dtype not in _FLOATS:
+        if a.dtype.kind not in "fiu":
+            raise ValueError(f"{name}: values of type {a.dtype}; give real numbers")
+        a = a.astype(float)
     _fit(name, a.shape, shape)
-    return a if a.dtype in (np.float64, np.float32) else a.astype(float)
+    return a
 
 
 def integers(name, values, *shape):
@@ -30,15 +53,18 @@ def integers(name, values, *shape):
     if a.dtype.kind not in "iu" and a.size:
         raise ValueError(f"{name}: values of type {a.dtype}; give integers")
     _fit(name, a.shape, shape)
-    return a if a.dtype == np.int64 else a.astype(np.int64)
+    return a if a.dtype is _INT else a.astype(_INT)
 
 
 def _fit(name, found, wanted):
-    if len(found) != len(wanted) or any(
-        w != n for n, w in zip(found, wanted, strict=True) if not isinstance(w, str)
-    ):
-        size = ", ".join(map(str, wanted)) + "," * (len(wanted) == 1)
-        raise ValueError(f"{name}: shape {found} is not ({size}); reshape or transpose the array")
+    if len(found) == len(wanted):
+        for i in range(len(found)):
+            if found[i] != wanted[i] and type(wanted[i]) is not str:
+                break
+        else:
+            return
+    size = ", ".join(map(str, wanted)) + "," * (len(wanted) == 1)
+    raise ValueError(f"{name}: shape {found} is not ({size}); reshape or transpose the array")
 
 
 def integer(name, value, low):
@@ -59,12 +85,13 @@ def number(name, value, low, high):
 
 
 def within(name, a, low, high):
-    """Raise ValueError, naming the first, unless all elements of a lie in [low, high]."""
-    flat = a.reshape(a.size)
+    """The array a; ValueError, naming the first, unless all elements lie in [low, high]."""
+    flat = a.reshape(-1)
     if _outside(flat, low, high):
-        n = int(np.flatnonzero(~((flat >= low) & (flat <= high)))[0])
-        at = ", ".join(str(int(i)) for i in np.unravel_index(n, a.shape))
-        raise ValueError(f"{name}: element ({at}) is {flat[n]}, not in [{low:g}, {high:g}]")
+        n = np.flatnonzero(~((flat >= low) & (flat <= high)))[0]
+        at = [int(i) for i in np.unravel_index(n, a.shape)]
+        raise ValueError(f"{name}{at if at else ''}: {flat[n]:g} is not in [{low:g}, {high:g}]")
+    return a
 
 
 @kernel

@@ -20,8 +20,7 @@ weakens with the fourth power of the range, ``radar_equation``.  All of these ta
 and raise ValueError for NaN and for values outside the range that they name.
 
 A tracker looks at the cells inside a gate only, and a gate cuts through cells.  ``false_plot``
-draws the false alarms of such a gate, cell by cell and from one uniform number; where the gate is,
-is ``kalman``'s business.
+draws the false alarms of such a gate, cell by cell and from one uniform number.
 """
 
 import itertools
@@ -29,57 +28,41 @@ import math
 
 import numpy as np
 
-from tbdcore import kernel
+from tbdcore import checks, kernel
 
 GOLDEN, TINY = 0.6180339887498949, np.finfo(float).tiny
 
 
-@kernel
-def _outside(values, low, high):
-    """Index of the first of the values that is not in [low, high], or -1; NaN is not."""
-    for n in range(values.size):
-        if not low <= values[n] <= high:
-            return n
-    return -1
-
-
-def _within(where, values, low, high):
+def _within(name, values, low, high):
     """The values as floats; ValueError unless all are in [low, high]."""
-    values = np.asarray(values, float)
-    n = _outside(values.ravel(), low, high)
-    if n >= 0:
-        value = values.flat[n]
-        raise ValueError(f"detection.{where} {value:g} is not in [{low:g}, {high:g}]; correct it")
-    return values
+    return checks.within(name, np.asarray(values, float), low, high)
 
 
 def to_db(ratio):
     """Power ratio >= 0 in decibels, -inf for 0."""
     with np.errstate(divide="ignore"):
-        return 10 * np.log10(_within("to_db: power ratio", ratio, 0.0, math.inf))
+        return 10 * np.log10(_within("power ratio", ratio, 0.0, math.inf))
 
 
 def from_db(decibels):
     """Decibels, below 1000, as a power ratio."""
-    return 10 ** (_within("from_db: decibels", decibels, -math.inf, 1000.0) / 10)
+    return 10 ** (_within("decibels", decibels, -math.inf, 1000.0) / 10)
 
 
 def threshold(p_false):
     """Threshold eta on |x|**2 / sigma_n**2 for a false-alarm probability per cell in (0, 1]."""
-    return -np.log(_within("threshold: false-alarm probability", p_false, TINY, 1.0))
+    return -np.log(_within("false-alarm probability", p_false, TINY, 1.0))
 
 
 def detection_probability(eta, snr):
     """Probability that a cell with a Swerling 1 target of mean linear `snr` exceeds eta >= 0."""
-    _within("detection_probability: eta", eta, 0.0, math.inf)
-    _within("detection_probability: snr", snr, 0.0, 1e300)
-    return np.exp(-np.asarray(eta, float) / (1 + np.asarray(snr, float)))
+    return np.exp(-_within("eta", eta, 0.0, math.inf) / (1 + _within("snr", snr, 0.0, 1e300)))
 
 
 def required_snr(p_detect, p_false):
     """Mean linear SNR that a Swerling 1 target needs for p_detect at p_false <= p_detect."""
-    p_false = _within("required_snr: false-alarm probability", p_false, TINY, 1.0)
-    p_detect = _within("required_snr: detection probability", p_detect, TINY, 1.0 - 1e-15)
+    p_false = _within("false-alarm probability", p_false, TINY, 1.0)
+    p_detect = _within("detection probability", p_detect, TINY, 1.0 - 1e-15)
     if (p_detect < p_false).any():
         raise ValueError("detection.required_snr: p_detect is below p_false; no target is needed")
     return np.log(p_false) / np.log(p_detect) - 1
@@ -87,9 +70,9 @@ def required_snr(p_detect, p_false):
 
 def radar_equation(r, snr0, r0):
     """SNR at range r of a target that has snr0 at r0 (same unit): the fourth-power law."""
-    if not (0 <= snr0 <= 1e100 and 1e-100 <= r0 <= 1e100):
-        raise ValueError(f"detection.radar_equation: snr0 {snr0:g} or r0 {r0:g} is not positive")
-    return snr0 * (r0 / _within("radar_equation: range", r, 1e-50 * r0, 1e50 * r0)) ** 4
+    checks.number("snr0", snr0, 0.0, 1e100)
+    checks.number("r0", r0, 1e-100, 1e100)
+    return snr0 * (r0 / _within("range", r, 1e-50 * r0, 1e50 * r0)) ** 4
 
 
 def amplitude_ratio_spec(excess, snr):
@@ -104,16 +87,14 @@ def amplitude_ratio(excess, snr):
 
     ``excess`` (M,) is lambda - eta >= 0 of each plot, which for a Rayleigh amplitude a with
     parameter 1 and its threshold tau is (a**2 - tau**2) / 2; ``snr`` (T,) the mean linear ratio of
-    each track's target.  With S = snr the result is S / (1 + S) excess - ln(1 + S): zero, exactly,
-    for S = 0.  Its exponential has mean one under noise, but no variance as soon as S >= 1, and
-    overflows for strong echoes: add the logarithm.
+    each track's target.  With S = snr the result is S / (1 + S) excess - ln(1 + S), 0 for S = 0.
     """
     if excess.ndim != 1 or snr.ndim != 1:
         raise ValueError("detection.amplitude_ratio: give excess (M,) and snr (T,)")
-    bad = False
+    valid = 0
     for m in range(excess.size):
-        bad |= not 0.0 <= excess[m] < np.inf
-    if bad:
+        valid += (excess[m] >= 0.0) & (excess[m] < np.inf)
+    if valid < excess.size:
         raise ValueError("detection.amplitude_ratio: an excess is negative or not finite")
     out = np.empty((snr.size, excess.size))
     for t in range(snr.size):
@@ -130,9 +111,7 @@ def false_plot_spec(u, v, centre, half, cell, p_false, nth):
     edges = []
     for c, h, w in zip(centre, half, cell, strict=True):
         i = np.arange(math.floor((c - h) / w), math.ceil((c + h) / w))
-        edges.append(
-            list(zip(np.maximum(c - h, i * w), np.minimum(c + h, (i + 1) * w), strict=True))
-        )
+        edges.append(np.column_stack((np.maximum(c - h, i * w), np.minimum(c + h, (i + 1) * w))))
     fired = []
     for r, a in itertools.product(*edges):
         q = p_false * (r[1] - r[0]) * (a[1] - a[0]) / (cell[0] * cell[1])
@@ -141,10 +120,8 @@ def false_plot_spec(u, v, centre, half, cell, p_false, nth):
     if nth >= len(fired):
         return False, 0.0, 0.0
     turned = (np.asarray(v) + nth * GOLDEN) % 1.0
-    return True, *(
-        low + (high - low) * t - c
-        for (low, high), t, c in zip(fired[nth], turned, centre, strict=True)
-    )
+    low, high = np.array(fired[nth]).T
+    return True, *(low + (high - low) * turned - centre)
 
 
 @kernel
@@ -169,18 +146,13 @@ def false_plot(u, v, centre, half, cell, p_false, nth):
         cells *= 2.0 * half[n] / cell[n] + 2.0
     if cells > 1e8:
         raise ValueError("detection.false_plot: over 1e8 cells in a gate; enlarge the cells")
-    found = 0
-    for i in range(
-        math.floor((centre[0] - half[0]) / cell[0]), math.ceil((centre[0] + half[0]) / cell[0])
-    ):
-        r0, r1 = max(centre[0] - half[0], i * cell[0]), min(centre[0] + half[0], (i + 1) * cell[0])
-        for j in range(
-            math.floor((centre[1] - half[1]) / cell[1]), math.ceil((centre[1] + half[1]) / cell[1])
-        ):
-            a0, a1 = (
-                max(centre[1] - half[1], j * cell[1]),
-                min(centre[1] + half[1], (j + 1) * cell[1]),
-            )
+    found, (w, h) = 0, cell
+    near, far = centre[0] - half[0], centre[0] + half[0]
+    right, left = centre[1] - half[1], centre[1] + half[1]
+    for i in range(math.floor(near / w), math.ceil(far / w)):
+        r0, r1 = max(near, i * w), min(far, (i + 1) * w)
+        for j in range(math.floor(right / h), math.ceil(left / h)):
+            a0, a1 = max(right, j * h), min(left, (j + 1) * h)
             q = p_false * (r1 - r0) * (a1 - a0) / (cell[0] * cell[1])
             if u >= q:
                 u = (u - q) / (1.0 - q)

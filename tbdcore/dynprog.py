@@ -1,8 +1,7 @@
 """Max-product dynamic programming for track-before-detect: forward pass and back-trace.
 
-A target that moves through K frames leaves its energy along one path; dynamic programming finds the
-best of all admissible paths by keeping, for each state of frame k, only the best way to reach it
-(Wan, Wang and Wu 2013, eqs. 4, 12, 16):
+For each state of frame k only the best way to reach it is kept (Wan, Wang and Wu 2013, eqs. 4, 12,
+16):
 
     I_k(x) = z_k(x) + max over predecessors x' of x of  g(x'|x) I_{k-1}(x')
 
@@ -22,19 +21,15 @@ i - v' + m: r is the change of velocity, m the position slack, and the same on t
 ``penalised_forward``       the same set, a price is subtracted instead (not in the paper)
 ``*_path``                  the best path that ends in one state (eqs. 5, 13, 17, 19)
 
-Max over products with positive weights is separable on all real numbers, negative ones included,
-because x -> g x is increasing: 81 predecessors cost 6 + 6 operations.  Where all weights are 1, the
-maximum over seven neighbours is one over three overlapping maxima over three, so that 49
-predecessors cost 6 + 6 as well.  Nothing here takes a logarithm.  An empty maximum is -inf: a state
-that cannot be reached is -inf, and so is every state that only it could reach.
+A maximum over products with positive weights is separable: 81 predecessors cost 6 + 6 operations.
+Where all weights are 1, the maximum over seven neighbours is one over three overlapping maxima over
+three.  An empty maximum is -inf: a state that cannot be reached is -inf.
 
-Frames and value maps have a margin of -inf (``margin``), at least as wide as the longest step, so
-that the edge of the frame needs no case of its own.  Maps have shape (V, V, X, Y) with
-X = Nx + 2 margins: a step along an axis is a shift of one contiguous array.  No back-pointers are
-stored: the value maps of all frames are kept, and the back-trace takes the argmax again,
+Frames and value maps have a margin of -inf (``margin``), at least as wide as the longest step.
+Maps have shape (V, V, X, Y) with X = Nx + 2 margins: a step along an axis is a shift of one
+contiguous array.  The value maps of all frames are kept, and the back-trace takes the argmax again,
 multiplying in the order of the forward pass so that both agree to the last bit.  Frames, maps and
-weights are contiguous arrays of one type, float32 or float64; frames come from ``margin``, which
-refuses NaN.  Not here: thresholds, Monte Carlo, and which set a paper uses.
+weights are contiguous arrays of one type, float32 or float64.
 """
 
 import functools
@@ -53,20 +48,14 @@ def margin(frames, width):
     """
     frames, width = np.asarray(frames), checks.integer("width", width, 0)
     if frames.ndim != 3 or 0 in frames.shape:
-        raise ValueError(
-            f"frames: shape {frames.shape} is not (K, Nx, Ny) with at least one cell; "
-            f"stack the frames first"
-        )
+        raise ValueError(f"frames: shape {frames.shape}; stack them to (K, Nx, Ny), none empty")
     if frames.dtype.char not in "fd":
         frames = checks.reals("frames", frames, "K", "Nx", "Ny")
     K, Nx, Ny = frames.shape
     framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
     if _surround(np.ascontiguousarray(frames), width, framed):
         k, i, j = np.argwhere(~np.isfinite(frames))[0]
-        raise ValueError(
-            f"frames: {frames[k, i, j]} in frame {k}, cell ({i}, {j}); "
-            f"replace it by the noise mean or drop it"
-        )
+        raise ValueError(f"frames: {frames[k, i, j]} in frame {k}, cell ({i}, {j}); replace it")
     return framed
 
 
@@ -97,15 +86,10 @@ def check_weights(slack, name="slack"):
     """
     slack = checks.reals(name, np.atleast_1d(slack), "2 d + 1").astype(float)
     if slack.size % 2 == 0:
-        raise ValueError(
-            f"{name}: {slack.size} weights, an even window, have no middle; "
-            f"give 2 d + 1 weights for slacks -d..d"
-        )
+        raise ValueError(f"{name}: {slack.size} weights are an even window; give 2 d + 1, -d..d")
     if not (np.isfinite(slack).all() and (slack >= 0).all() and slack[slack.size // 2] > 0):
-        raise ValueError(
-            f"{name}: weights {slack.tolist()} must be finite, >= 0, and positive in the middle; "
-            f"use 0 for a slack left out"
-        )
+        words = "must be finite, none negative, the middle one positive"
+        raise ValueError(f"{name}: weights {slack.tolist()} {words}")
     return slack
 
 
@@ -113,18 +97,17 @@ def _one_type(compiled):
     """The compiled function; arrays of several types or another layout are a ValueError."""
 
     @functools.wraps(compiled, updated=())
-    def call(*args):
-        types = [a.dtype for a in args if type(a) is np.ndarray]
+    def call(first, *args):
         try:
-            one = types.count(types[0]) == len(types) and types[0].char in "fd"
-            if one and list not in map(type, args):
-                return compiled(*args)
-        except (NumbaError, IndexError, OverflowError):
+            valid = first.dtype.char in "fd"
+            for a in args:
+                valid &= a.dtype is first.dtype if type(a) is np.ndarray else type(a) is not list
+            if valid:
+                return compiled(first, *args)
+        except (AttributeError, NumbaError, IndexError, OverflowError):
             pass
-        raise ValueError(
-            f"{call.__name__}: arrays of another type or shape; give contiguous arrays of the "
-            f"documented shapes, all float64 or all float32, and whole numbers"
-        ) from None
+        words = "give contiguous arrays as documented, all float64 or all float32, whole numbers"
+        raise ValueError(f"{call.__name__}: {words}") from None
 
     call.py_func = compiled.py_func
     return call
@@ -143,16 +126,11 @@ def _check_window(weights):
 @kernel
 def _check_three(position, velocity):
     """Raise ValueError unless there are two times three weights or prices, none negative."""
-    if position.size != 3 or velocity.size != 3:
-        raise ValueError(
-            "weights: slacks of one cell and one velocity need three weights each; "
-            "use 0 (price: inf) for a slack left out"
-        )
+    if position.size != 3 or velocity.size != 3 or position[1] + velocity[1] == np.inf:
+        raise ValueError("position, velocity: give three weights or prices each, the middle finite")
     for n in range(3):
         if not (position[n] >= 0 and velocity[n] >= 0):
-            raise ValueError("weights, prices: must not be negative or NaN")
-    if position[1] == np.inf or velocity[1] == np.inf:
-        raise ValueError("prices: must be finite in the middle")
+            raise ValueError("position, velocity: a weight or price is negative or NaN")
 
 
 @kernel
@@ -172,10 +150,7 @@ def _check_room(z, I, slack, lowest, reach):
     if z.shape != (len(I), X, Y) or V != W or I.size == 0:
         raise ValueError("I: maps must be (K, V, V, X, Y) for frames (K, X, Y) in their margin")
     if not (slack <= reach < (least + 1) // 2 and slack - reach <= lowest <= reach - slack - V + 1):
-        raise ValueError(
-            "reach: a step is longer than the margin, or the margin fills the frame; "
-            "use margin(frames, longest step)"
-        )
+        raise ValueError("reach: a step leaves the margin; use margin(frames, longest step)")
 
 
 @kernel
@@ -291,10 +266,7 @@ def _allowed(weight):
     for c in range(weight.size - 1, -1, -1):
         if weight[c] > 0:
             if count > 0 and first != c + 1:
-                raise ValueError(
-                    "position: the allowed slacks must be neighbours; fill the gap, "
-                    "or use the specification"
-                )
+                raise ValueError("position: the allowed slacks must be neighbours; fill the gap")
             first, count = c, count + 1
     return first, count
 
@@ -314,18 +286,12 @@ def _dense_stage(previous, frame, table, lowest_velocity, out, combine):
     """Every predecessor of every state, whole planes at a time."""
     V, (dm, dr) = len(previous), np.array(table.shape) // 2
     out[:] = -np.inf
-    slacks = [
-        (m, r)
-        for m in range(-dm, dm + 1)
-        for r in range(-dr, dr + 1)
-        if not np.isnan(table[m + dm, r + dr])
-    ]
+    slacks = (np.argwhere(~np.isnan(table)) - (dm, dr)).tolist()
     for iv, jv, (m, r), (n, s) in itertools.product(range(V), range(V), slacks, slacks):
         u, w = iv + r, jv + s
         if 0 <= u < V and 0 <= w < V:
-            moved = np.roll(
-                previous[u, w], (lowest_velocity + u - m, lowest_velocity + w - n), axis=(0, 1)
-            )
+            step = lowest_velocity + u - m, lowest_velocity + w - n
+            moved = np.roll(previous[u, w], step, axis=(0, 1))
             value = combine(combine(moved, table[n + dm, s + dr]), table[m + dm, r + dr])
             np.maximum(out[iv, jv], value, out=out[iv, jv])
     out += frame
@@ -337,18 +303,14 @@ def _nan_where_zero(table):
 
 def _candidates(previous, state, table, lowest_velocity, combine):
     """Values and states of all predecessors of one state inside the map."""
-    V, X, Y = previous.shape[1:]
+    n, s, m, r = np.indices(table.shape * 2).reshape(4, -1)
     dm, dr = np.array(table.shape) // 2
-    n, s, m, r = (
-        axis.ravel() for axis in np.mgrid[-dm : dm + 1, -dr : dr + 1, -dm : dm + 1, -dr : dr + 1]
-    )
-    u, w = state[0] + r, state[1] + s
-    x, y = state[2] + m - lowest_velocity - u, state[3] + n - lowest_velocity - w
-    keep = (u >= 0) & (u < V) & (w >= 0) & (w < V) & (x >= 0) & (x < X) & (y >= 0) & (y < Y)
-    u, w, x, y, m, n, r, s = (axis[keep] for axis in (u, w, x, y, m, n, r, s))
-    return combine(
-        combine(previous[u, w, x, y], table[n + dm, s + dr]), table[m + dm, r + dr]
-    ), np.stack((u, w, x, y), axis=1)
+    u, w = state[0] + r - dr, state[1] + s - dr
+    x, y = state[2] + m - dm - lowest_velocity - u, state[3] + n - dm - lowest_velocity - w
+    states = np.stack((u, w, x, y), axis=1)
+    keep = ((states >= 0) & (states < previous.shape)).all(axis=1)
+    n, s, m, r, states = n[keep], s[keep], m[keep], r[keep], states[keep]
+    return combine(combine(previous[*states.T], table[n, s]), table[m, r]), states
 
 
 def _best_of(values, states):
@@ -363,12 +325,9 @@ def _path_of(I, state, table, lowest_velocity, combine):
     """Best path to a state; four times -1 from where no predecessor can be reached."""
     path = [state]
     for previous in I[-2::-1]:
-        lost = path[-1][0] < 0
-        path.append(
-            path[-1]
-            if lost
-            else _best_of(*_candidates(previous, path[-1], table, lowest_velocity, combine))
-        )
+        if state[0] >= 0:
+            state = _best_of(*_candidates(previous, state, table, lowest_velocity, combine))
+        path.append(state)
     return np.array(path[::-1])
 
 
@@ -432,28 +391,38 @@ def _flat(a):
     return a.reshape(a.size)
 
 
-@kernel
-def _weighted(z, position, velocity, lowest, reach, I):
-    """Axis by axis: the best slack of each velocity, then the best change of velocity."""
-    V, size, Y = I.shape[1], z[0].size, z.shape[2]
-    lo, n = reach * Y, size - 2 * reach * Y
-    rows = np.full((V + 2, n), -np.inf).astype(I.dtype)  # velocity v in row v + 1
-    _start(z, I)
-    for k in range(1, len(z)):
-        old, new = _flat(I[k - 1]), _flat(I[k])
-        for plane in range(V * V):
-            _edge(new[plane * size :][:size], lo, n)
-        for across, along, step in ((V * size, size, 1), (size, V * size, Y)):
-            for start in range(lo, lo + V * across, across):
-                for v in range(V):
-                    source = old[start + v * along - (lowest + v + 1) * step :]
-                    _best_product(rows[v + 1], source, step, position)
-                for v in range(V):
-                    _best_product(new[start + v * along :][:n], _flat(rows)[v * n :], n, velocity)
-                    if step > 1:
-                        _add(new[start + v * along :][:n], _flat(z[k])[lo:])
-            old = new
-    return I
+def _extended(best):
+    """The loops of a family, axis by axis: the best slack of each velocity, then its best change.
+
+    best : :func:`_best_product` or :func:`_best_difference`.
+    """
+
+    @kernel
+    def forward(z, position, velocity, lowest, reach, I):
+        V, size, Y = I.shape[1], z[0].size, z.shape[2]
+        lo, n = reach * Y, size - 2 * reach * Y
+        rows = np.full((V + 2, n), -np.inf).astype(I.dtype)  # velocity v in row v + 1
+        _start(z, I)
+        for k in range(1, len(z)):
+            old, new = _flat(I[k - 1]), _flat(I[k])
+            for plane in range(V * V):
+                _edge(new[plane * size :][:size], lo, n)
+            for across, along, step in ((V * size, size, 1), (size, V * size, Y)):
+                for start in range(lo, lo + V * across, across):
+                    for v in range(V):
+                        source = old[start + v * along - (lowest + v + 1) * step :]
+                        best(rows[v + 1], source, step, position)
+                    for v in range(V):
+                        best(new[start + v * along :][:n], _flat(rows)[v * n :], n, velocity)
+                        if step > 1:
+                            _add(new[start + v * along :][:n], _flat(z[k])[lo:])
+                old = new
+        return I
+
+    return forward
+
+
+_weighted, _penalised = _extended(_best_product), _extended(_best_difference)
 
 
 def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I):
@@ -475,32 +444,6 @@ def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
     _check_window(velocity)
     _check_room(z, I, 1, lowest_velocity, reach)
     return _weighted(z, position, velocity, lowest_velocity, reach, I)
-
-
-@kernel
-def _penalised(z, position, velocity, lowest, reach, I):
-    """As :func:`_weighted`, with differences for products."""
-    V, size, Y = I.shape[1], z[0].size, z.shape[2]
-    lo, n = reach * Y, size - 2 * reach * Y
-    rows = np.full((V + 2, n), -np.inf).astype(I.dtype)
-    _start(z, I)
-    for k in range(1, len(z)):
-        old, new = _flat(I[k - 1]), _flat(I[k])
-        for plane in range(V * V):
-            _edge(new[plane * size :][:size], lo, n)
-        for across, along, step in ((V * size, size, 1), (size, V * size, Y)):
-            for start in range(lo, lo + V * across, across):
-                for v in range(V):
-                    source = old[start + v * along - (lowest + v + 1) * step :]
-                    _best_difference(rows[v + 1], source, step, position)
-                for v in range(V):
-                    _best_difference(
-                        new[start + v * along :][:n], _flat(rows)[v * n :], n, velocity
-                    )
-                    if step > 1:
-                        _add(new[start + v * along :][:n], _flat(z[k])[lo:])
-            old = new
-    return I
 
 
 def penalised_forward_spec(z, position, velocity, lowest_velocity, reach, I):
@@ -569,46 +512,58 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
 
 
 @kernel
-def _predecessor(previous, state, weights, table, prices, fees, lowest):
-    """Predecessor of largest value, in the forward pass's order; the first one wins a tie.
-
-    Each of four factors g and prices c makes g value - c of a value; g = 0 leaves one out.
-    weights, prices : (2 d + 1,) of the position slacks; table, fees : of the velocity changes, one
-        row for each slack or one for all.
-    """
-    (V, _, X, Y), d, c = previous.shape, weights.size // 2, table.shape[1] // 2
-    each = min(len(table) - 1, 1)  # 0: one row for all slacks
-    best, found = -np.inf, (-1, -1, -1, -1)
-    for n in range(weights.size):
-        for w in range(max(state[1] - c, 0), min(state[1] + c + 1, V)):
-            s, y = w - state[1] + c, state[3] + n - d - lowest - w
-            if not (weights[n] > 0 and table[n * each, s] > 0 and 0 <= y < Y):
-                continue
-            for m in range(weights.size):
-                for u in range(max(state[0] - c, 0), min(state[0] + c + 1, V)):
-                    r, x = u - state[0] + c, state[2] + m - d - lowest - u
-                    if not (weights[m] > 0 and table[m * each, r] > 0 and 0 <= x < X):
-                        continue
-                    value = weights[n] * previous[u, w, x, y] - prices[n]
-                    value = table[n * each, s] * value - fees[n * each, s]
-                    value = weights[m] * value - prices[m]
-                    value = table[m * each, r] * value - fees[m * each, r]
-                    if value > best:
-                        best, found = value, (u, w, x, y)
-    return found
+def _times(weight, value):
+    return weight * value if weight > 0 else -np.inf
 
 
 @kernel
-def _path(I, state, weights, table, prices, fees, lowest):
-    """States of the best path; see :func:`_predecessor`."""
-    _check_state(I, state, lowest)
-    path = np.full((len(I), 4), -1)
-    for k in range(len(I) - 1, -1, -1):
-        for axis in range(4):
-            path[k, axis] = state[axis]
-        if k > 0 and state[0] >= 0:
-            state = _predecessor(I[k - 1], state, weights, table, prices, fees, lowest)
+def _less(price, value):
+    return value - price
+
+
+def _trace(apply):
+    """The back-trace of a family: apply is :func:`_times`, or :func:`_less` for prices."""
+
+    @kernel
+    def predecessor(previous, state, position, table, lowest):
+        """Predecessor of largest value, in the forward pass's order; the first one wins a tie.
+
+        position : (2 d + 1,) weights of the position slacks; table : of the velocity changes, one
+        row for each slack or one for all.
+        """
+        (V, _, X, Y), d, c = previous.shape, position.size // 2, table.shape[1] // 2
+        each = min(len(table) - 1, 1)  # 0: one row for all slacks
+        best, found = -np.inf, (-1, -1, -1, -1)
+        for n in range(position.size):
+            for w in range(max(state[1] - c, 0), min(state[1] + c + 1, V)):
+                g, y = table[n * each, w - state[1] + c], state[3] + n - d - lowest - w
+                if not 0 <= y < Y:
+                    continue
+                for m in range(position.size):
+                    for u in range(max(state[0] - c, 0), min(state[0] + c + 1, V)):
+                        h, x = table[m * each, u - state[0] + c], state[2] + m - d - lowest - u
+                        if 0 <= x < X:
+                            value = apply(g, apply(position[n], previous[u, w, x, y]))
+                            value = apply(h, apply(position[m], value))
+                            if value > best:
+                                best, found = value, (u, w, x, y)
+        return found
+
+    @kernel
+    def path(I, state, position, table, lowest):
+        _check_state(I, state, lowest)
+        path = np.full((len(I), 4), -1)
+        for k in range(len(I) - 1, -1, -1):
+            for axis in range(4):
+                path[k, axis] = state[axis]
+            if k > 0 and state[0] >= 0:
+                state = predecessor(I[k - 1], state, position, table, lowest)
+        return path
+
     return path
+
+
+_best_path, _cheapest_path = _trace(_times), _trace(_less)
 
 
 def weighted_path_spec(I, state, position, velocity, lowest_velocity):
@@ -629,8 +584,7 @@ def weighted_path(I, state, position, velocity, lowest_velocity):
     """
     _check_window(position)
     _check_window(velocity)
-    table = velocity.reshape(1, velocity.size)
-    return _path(I, state, position, table, 0 * position, 0 * table, lowest_velocity)
+    return _best_path(I, state, position, velocity.reshape(1, velocity.size), lowest_velocity)
 
 
 def penalised_path_spec(I, state, position, velocity, lowest_velocity):
@@ -643,9 +597,7 @@ def penalised_path_spec(I, state, position, velocity, lowest_velocity):
 def penalised_path(I, state, position, velocity, lowest_velocity):
     """The best path that ends in ``state`` under penalised_forward; see :func:`weighted_path`."""
     _check_three(position, velocity)
-    table = velocity.reshape(1, 3)
-    ones = np.ones_like(position), np.ones_like(table)
-    return _path(I, state, *ones, position, table, lowest_velocity)
+    return _cheapest_path(I, state, position, velocity.reshape(1, 3), lowest_velocity)
 
 
 def coupled_path_spec(I, state, table, lowest_velocity):
@@ -658,5 +610,4 @@ def coupled_path_spec(I, state, table, lowest_velocity):
 def coupled_path(I, state, table, lowest_velocity):
     """The best path that ends in ``state`` under coupled_forward; see :func:`weighted_path`."""
     _check_table(table)
-    ones = np.ones_like(table[0])
-    return _path(I, state, ones, table, 0 * ones, 0 * table, lowest_velocity)
+    return _best_path(I, state, np.ones_like(table[0]), table, lowest_velocity)

@@ -10,27 +10,25 @@ origin.  One scan is
     x, P = update(x, P, z - zhat, H, R)               after ``residual`` has wrapped the azimuth
 
 and these five functions take one track or any stack of tracks on leading axes.  A rectangular gate
-has the half widths g sqrt(D_jj) (``gate_half_widths``) and a size in m rad (``gate_volume``); an
-elliptic gate d2 = y' D**-1 y <= gamma has ``mahalanobis`` and ``ellipse_volume``.
+has the half widths g sqrt(D_jj) (``gate_half_widths``) and a size in m rad (``gate_volume``);
+``mahalanobis`` is the distance of an elliptic gate, y' D**-1 y <= gamma.
 
 ``two_point``, ``predict_cv``, ``gate_polar`` and ``update_polar`` are the same step compiled: for
 one track, in place, with the zeros of F and H left out, for loops over the frames of a trial.
 Their specifications are the dense formulas above.
 
-A plot that is turned into metres is a linear measurement of the position, whose noise depends on
-where the target is: ``gate_tracks`` evaluates it at the predicted position of each of several
-tracks, and ``predict_tracks`` and ``update_mixture`` take the same stack of tracks through a scan
-whose plots carry association weights.
+A plot in metres is a linear measurement of the position, whose noise depends on where the target
+is: ``gate_tracks`` evaluates it at the predicted positions of several tracks.  ``predict_tracks``
+and ``update_mixture`` take the same tracks through a scan whose plots carry association weights.
 
-All functions raise ValueError for shapes that do not fit, for NaN and infinity, for an innovation
-covariance that is not positive definite, and for a target at the radar, where azimuth has no
-meaning.  Inside a kernel ``predict_cv``, ``gate_polar`` and ``update_polar`` check nothing.
+All functions raise ValueError for NaN and infinity, for an innovation covariance that is not
+positive definite, and for a target at the radar, where azimuth has no meaning.  Inside a kernel
+``predict_cv``, ``gate_polar`` and ``update_polar`` check nothing.
 
 The covariance mixes metres, metres per second and ellipses a thousand times longer than wide;
 ``update`` therefore uses Joseph's form, and the compiled one symmetrises by construction.  Start a
-track from two plots (``two_point``): after a single plot with a loose velocity the prediction may
-be kilometres off across the line of sight, and an error e there makes the linearisation err in
-range by e**2 / 2 r, many range accuracies.  A target that flies along the line of sight is spared.
+track from two plots (``two_point``): after one plot the prediction may be kilometres off across the
+line of sight, and an error e there makes the linearisation err in range by e**2 / 2 r.
 """
 
 import functools
@@ -39,16 +37,15 @@ import math
 import numpy as np
 from numba import typeof
 
-from tbdcore import kernel
+from tbdcore import checks, kernel
 
 
 def _finite(where, *arrays):
     """The arrays as floats; ValueError where one has a NaN or an infinity."""
     arrays = [np.asarray(a, float) for a in arrays]
-    if not all(np.isfinite(a).all() for a in arrays):
-        raise ValueError(
-            f"kalman.{where}: an argument or the result is NaN or infinite; correct it"
-        )
+    for a in arrays:
+        if not np.isfinite(a).all():
+            raise ValueError(f"kalman.{where}: an argument or the result is NaN or infinite")
     return arrays
 
 
@@ -56,12 +53,10 @@ def _positive(where, D):
     """D as a float array; ValueError unless it is a stack of positive definite matrices."""
     (D,) = _finite(where, D)
     try:
-        np.linalg.cholesky(D)
+        np.linalg.cholesky(0.5 * D + 0.5 * np.swapaxes(D, -1, -2))
     except np.linalg.LinAlgError:
-        raise ValueError(
-            f"kalman.{where}: the innovation covariance is not positive definite; "
-            f"give (..., n, n) with positive plot variances"
-        ) from None
+        words = "the innovation covariance is not positive definite; give positive plot variances"
+        raise ValueError(f"kalman.{where}: {words}") from None
     return D
 
 
@@ -69,8 +64,7 @@ def predict(x, P, F, Q):
     """Mean (..., 4) and covariance (..., 4, 4) one scan later."""
     with np.errstate(over="ignore", invalid="ignore"):
         mean, cov = (F @ x[..., None])[..., 0], F @ P @ np.swapaxes(F, -1, -2) + Q
-    _finite("predict", mean, cov)
-    return mean, cov
+    return tuple(_finite("predict", mean, cov))
 
 
 def polar(x):
@@ -83,7 +77,7 @@ def polar_jacobian(x):
     """Derivative of :func:`polar` with respect to the state, shape (..., 2, 4)."""
     (x,) = _finite("polar_jacobian", x)
     r = np.hypot(x[..., 0], x[..., 2])
-    if not (r > 1e-150).all():
+    if not (r > 1e-9).all():
         raise ValueError("kalman.polar_jacobian: a target at the radar has no azimuth; move it")
     c, s, H = x[..., 0] / r, x[..., 2] / r, np.zeros((*x.shape[:-1], 2, 4))
     H[..., 0, 0], H[..., 0, 2], H[..., 1, 0], H[..., 1, 2] = c, s, -s / r, c / r
@@ -118,8 +112,7 @@ def update(x, P, y, H, R):
         A = np.eye(x.shape[-1]) - K @ H
         mean = x + (K @ y[..., None])[..., 0]
         cov = A @ P @ np.swapaxes(A, -1, -2) + K @ R @ np.swapaxes(K, -1, -2)
-    _finite("update", mean, cov)
-    return mean, cov
+    return tuple(_finite("update", mean, cov))
 
 
 def mahalanobis(y, D):
@@ -140,20 +133,7 @@ def gate_half_widths(g, D):
 def gate_volume(g, D):
     """Size of the rectangular gate, prod_j 2 g sqrt(D_jj)."""
     with np.errstate(over="ignore"):
-        volume = np.prod(2 * gate_half_widths(g, D), axis=-1)
-    _finite("gate_volume", volume)
-    return volume
-
-
-def ellipse_volume(gamma, D):
-    """Area of the elliptic gate y' D**-1 y <= gamma in two dimensions, pi gamma sqrt(det D)."""
-    D = _positive("ellipse_volume", D)
-    if not 0 < gamma < np.inf:
-        raise ValueError(f"kalman.ellipse_volume: gamma {gamma:g} must be positive and finite")
-    with np.errstate(over="ignore"):
-        area = np.pi * gamma * np.sqrt(np.linalg.det(D))
-    _finite("ellipse_volume", area)
-    return area
+        return _finite("gate_volume", np.prod(2 * gate_half_widths(g, D), axis=-1))[0]
 
 
 def polar_noise(z, R):
@@ -181,19 +161,22 @@ def _checked(compiled):
 
     Inside a kernel the compiled function is called as it is: there a check would double its time.
     """
+    where = f"kalman.{compiled.__name__}"
 
     @functools.wraps(compiled.py_func)
     def call(x, P, *numbers):
-        name = compiled.__name__
         for a, shape in ((x, (4,)), (P, (4, 4))):
-            if not isinstance(a, np.ndarray) or a.dtype.kind != "f" or a.shape != shape:
-                raise ValueError(f"kalman.{name}: give float arrays, state (4,), covariance (4, 4)")
-        _finite(name, x, P, *numbers)
-        if min(np.diag(P)) < 0 or min(numbers[-2:]) < 0:
-            raise ValueError(f"kalman.{name}: a variance or the time T is negative; correct it")
-        with np.errstate(all="ignore"):
-            result = compiled(x, P, *map(float, numbers))
-        _finite(name, *result)
+            if not isinstance(a, np.ndarray) or a.dtype.char not in "fd" or a.shape != shape:
+                raise ValueError(f"{where}: give float arrays, state (4,), covariance (4, 4)")
+        for value in numbers:
+            checks.number(where, value, -1e300, 1e300)
+        _all_finite(x[None], P[None])
+        if min(P[0, 0], P[1, 1], P[2, 2], P[3, 3], *numbers[-2:]) < 0:
+            raise ValueError(f"{where}: a variance or the time T is negative; correct it")
+        result = compiled(x, P, *map(float, numbers))
+        _all_finite(x[None], P[None])
+        if len(result) > 2 and not math.isfinite(sum(result)):
+            raise ValueError(f"{where}: the result is NaN or infinite; is the target at the radar?")
         return result
 
     call.py_func, call.stats, call._numba_type_ = compiled.py_func, compiled.stats, typeof(compiled)
@@ -343,11 +326,11 @@ def predict_tracks_spec(x, P, F, Q):
 @kernel
 def predict_tracks(x, P, F, Q):
     """Means (T, 4), covariances (T, 4, 4) one scan later, F (T, 4, 4) by track, Q (4, 4) common."""
-    if x.ndim != 2 or P.ndim != 3 or F.ndim != 3 or Q.ndim != 2:
-        raise ValueError("kalman.predict_tracks: give x (T, 4), P (T, 4, 4), F (T, 4, 4), Q (4, 4)")
+    if x.ndim != 2 or P.ndim != 3 or F.ndim != 3 or Q.ndim != 2 or x.shape[1] != 4:
+        raise ValueError("kalman.predict_tracks: give x (T, 4), P and F (T, 4, 4), Q (4, 4)")
     T, FP = x.shape[0], np.empty((4, 4))
-    if x.shape[1] != 4 or P.shape != (T, 4, 4) or F.shape != P.shape or Q.shape != (4, 4):
-        raise ValueError("kalman.predict_tracks: give x (T, 4), P (T, 4, 4), F (T, 4, 4), Q (4, 4)")
+    if P.shape != (T, 4, 4) or F.shape != P.shape or Q.shape != (4, 4):
+        raise ValueError("kalman.predict_tracks: give x (T, 4), P and F (T, 4, 4), Q (4, 4)")
     mean, cov = np.zeros((T, 4)), np.empty((T, 4, 4))
     for t in range(T):
         for i in range(4):
@@ -376,9 +359,8 @@ def gate_tracks_spec(x, P, var_r, var_a):
 def gate_tracks(x, P, var_r, var_a):
     """Predicted plots zhat (T, 2) in m, plot covariances R and D = H P H' + R (T, 2, 2).
 
-    ``x`` (T, 4), ``P`` (T, 4, 4) predicted, ``var_r`` in m^2, ``var_a`` in rad^2.  The noise is
-    that of a plot at the predicted position, one R for the gate, the innovation and the gain: with
-    the noise at the plot's own position, plots that happen to lie nearer would look more accurate.
+    ``x`` (T, 4), ``P`` (T, 4, 4) predicted, ``var_r`` in m^2, ``var_a`` in rad^2.  R is that of a
+    plot at the predicted position: at the plot's own, nearer plots would look more accurate.
     """
     if x.ndim != 2 or P.ndim != 3 or x.shape[1] != 4 or P.shape != (x.shape[0], 4, 4):
         raise ValueError("kalman.gate_tracks: give x (T, 4), P (T, 4, 4)")
@@ -393,9 +375,7 @@ def gate_tracks(x, P, var_r, var_a):
             for j in range(2):
                 D[t, i, j] = P[t, 2 * i, 2 * j] + R[t, i, j]
         if not (r2 > 0.0 and 0.0 < D[t, 0, 0] * D[t, 1, 1] - D[t, 0, 1] * D[t, 1, 0] < np.inf):
-            raise ValueError(
-                "kalman.gate_tracks: an innovation covariance is not positive definite"
-            )
+            raise ValueError("kalman.gate_tracks: a covariance D is not positive definite")
     return zhat, R, D
 
 
@@ -406,11 +386,8 @@ def update_mixture_spec(x, P, D, z, beta):
         K = P[t][:, ::2] @ np.linalg.inv(S)
         xs = np.vstack([x[t], x[t] + (z - x[t, ::2]) @ K.T])
         mean[t] = b @ xs
-        cov[t] = (
-            P[t]
-            - (1 - b[0]) * K @ S @ K.T
-            + np.einsum("m,mi,mj->ij", b, xs - mean[t], xs - mean[t])
-        )
+        spread = np.einsum("m,mi,mj->ij", b, xs - mean[t], xs - mean[t])
+        cov[t] = P[t] - (1 - b[0]) * K @ S @ K.T + spread
     return mean, cov
 
 
@@ -420,8 +397,7 @@ def update_mixture(x, P, D, z, beta):
 
     ``x``, ``P`` predicted, ``D`` (T, 2, 2) as :func:`gate_tracks` gives it, ``z`` (M, 2) plots in
     m, ``beta`` (T, M + 1) weights, first that of no plot.  The mixture of the updates is replaced
-    by its mean and covariance; as all plots share one gain, the spread of the means is the spread
-    of the weighted residuals seen through it.
+    by its mean and covariance; all plots share one gain.
     """
     if x.ndim != 2 or P.ndim != 3 or D.ndim != 3 or z.ndim != 2 or beta.ndim != 2:
         raise ValueError("kalman.update_mixture: give x, z, beta as tables, P, D as stacks of them")

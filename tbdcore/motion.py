@@ -1,9 +1,8 @@
 """Motion: how a target gets from one frame to the next.
 
-A state is [x, vx, y, vy], positions and velocities interleaved, or [x, vx, y, vy, omega] where a
-turn rate is carried along. Positions are in the notebook's own unit (metres, or cells of an image),
-T is the time between two frames in seconds, turn rates are in radians per second, positive from +x
-towards +y.
+A state is [x, vx, y, vy], or [x, vx, y, vy, omega] where a turn rate is carried along.  Positions
+are in the notebook's own unit (metres, or cells of an image), T is the time between two frames in
+seconds, turn rates are in radians per second, positive from +x towards +y.
 
 **Straight and white.**  A target of constant velocity moves by ``F = cv(T)``, and its deviations
 from a straight line are accelerations, constant during one step, independent from step to step.
@@ -11,58 +10,48 @@ from a straight line are accelerations, constant during one step, independent fr
 **Turning.**  Between two frames the velocity turns by the angle omega T and the target moves along
 the arc.  Its matrix is usually printed with sin(omega T) / omega and (1 - cos(omega T)) / omega,
 which a computer cannot evaluate at omega = 0 and evaluates badly near it.  With h = omega T / 2 and
-f = T sin(h) / h the same two entries are
+the chord f = T sin(h) / h, which tends to T, the same two entries are
 
-    sin(omega T) / omega = f cos(h),        (1 - cos(omega T)) / omega = f sin(h),
-
-that is: the chord f, turned by half the angle.  f tends to T, so ``coordinated_turn(0, T)`` is
-exactly the matrix of a straight line.
+    sin(omega T) / omega = f cos(h),        (1 - cos(omega T)) / omega = f sin(h).
 
 **Regimes.**  Whether there is a target and which law it follows is a Markov chain over a few
 regimes, one row of ``Pi`` per regime it comes from.  ``transition`` moves many particles in one
 pass, first the regime, by one uniform draw each, then the state by that regime: 0 absent (the state
 has no meaning and is left alone), 1 constant velocity, 2 coordinated turn with the particle's own
-turn rate.  It takes the draws as arrays and is a function of numbers, and it returns the list of
-those that came alive.  ``box_states`` makes states from draws where the law of a birth is a box in
-position and velocity.
-
-Not here: where new targets are born (the notebooks), what is measured (``sensor``, ``kalman``).
+turn rate.  It takes the draws as arrays.  ``box_states`` makes states from draws where the law of a
+birth is a box in position and velocity.
 """
 
 import math
 
 import numpy as np
 
-from tbdcore import kernel
+from tbdcore import checks, kernel
+
+LARGE = 1e50  # largest time, rate or acceleration: products stay finite
 
 # Straight and white -------------------------------------------------------------------------------
 
 
 def cv(T):
     """Transition matrix (4, 4) of a constant velocity over T seconds, state [x, vx, y, vy]."""
-    _finite("cv", T=T)
+    checks.number("cv: T", T, -LARGE, LARGE)
     return np.kron(np.eye(2), np.array([[1.0, T], [0.0, 1.0]]))
 
 
 def white_acceleration(T, q):
     """Covariance (4, 4) of white acceleration of power density q (m^2/s^3) over T seconds."""
-    _finite("white_acceleration", T=T, q=q, least=0.0)
+    checks.number("white_acceleration: T", T, 0.0, LARGE)
+    checks.number("white_acceleration: q", q, 0.0, LARGE)
     return q * np.kron(np.eye(2), np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]]))
 
 
 def step_acceleration(T, a):
     """Covariance (4, 4) of T seconds of a constant acceleration of standard deviation a (m/s^2)."""
-    _finite("step_acceleration", T=T, a=a, least=0.0)
+    checks.number("step_acceleration: T", T, 0.0, LARGE)
+    checks.number("step_acceleration: a", a, 0.0, LARGE)
     g = np.array([T**2 / 2, T])
     return a**2 * np.kron(np.eye(2), np.outer(g, g))
-
-
-def _finite(where, least=-math.inf, **values):
-    """Raise ValueError unless each value is finite, below 1e50 in size and at least `least`."""
-    for name, value in values.items():
-        if not (abs(value) < 1e50 and value >= least):
-            words = "finite" if least < 0 else "finite and not negative"
-            raise ValueError(f"motion.{where}: {name} is {value:g}; it must be {words}")
 
 
 # Coordinated turn ---------------------------------------------------------------------------------
@@ -70,7 +59,8 @@ def _finite(where, least=-math.inf, **values):
 
 def coordinated_turn(omega, T):
     """Transition matrix (4, 4) of a turn at omega rad/s for T seconds; exact at omega = 0."""
-    _finite("coordinated_turn", omega=omega, T=T)
+    checks.number("coordinated_turn: omega", omega, -LARGE, LARGE)
+    checks.number("coordinated_turn: T", T, -LARGE, LARGE)
     h = 0.5 * omega * T
     f = T * math.sin(h) / h if h else T
     a, b = f * math.cos(h), f * math.sin(h)
@@ -85,9 +75,7 @@ def check_transitions(Pi):
     """Pi as a float array; ValueError unless square, with rows of probabilities that sum to 1."""
     Pi = np.asarray(Pi, float)
     if Pi.ndim != 2 or Pi.shape[0] != Pi.shape[1] or not Pi.size:
-        raise ValueError(
-            f"transition matrix: shape {Pi.shape} is not square; give a row per regime"
-        )
+        raise ValueError(f"transition matrix: shape {Pi.shape}; give (n, n), a row per regime")
     for a, row in enumerate(Pi):
         if not ((row >= 0) & (row <= 1 + 1e-9)).all() or abs(row.sum() - 1.0) > 1e-9:
             raise ValueError(f"transition matrix: row {a} is no law that sums to 1: {row.tolist()}")
@@ -104,10 +92,10 @@ def _turn_rate(v, omegas):
 @kernel
 def _check_intervals(omegas):
     """Raise ValueError unless omegas holds two finite intervals (2, 2)."""
-    if omegas.shape != (2, 2) or not (
-        -np.inf < omegas[0, 0] <= omegas[0, 1] < np.inf
-        and -np.inf < omegas[1, 0] <= omegas[1, 1] < np.inf
-    ):
+    valid = omegas.shape == (2, 2)
+    for low, high in omegas:
+        valid &= -np.inf < low <= high < np.inf
+    if not valid:
         raise ValueError("motion: the turn rates are two intervals (2, 2), lower end first")
 
 
@@ -184,9 +172,7 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
     for n in range(r.size):
         before = r[n]
         if not (0 <= before <= 2 and 0.0 <= u[n] < 1.0):
-            raise ValueError(
-                "motion.transition: a regime is not 0, 1 or 2, or a draw not in [0, 1)"
-            )
+            raise ValueError("motion.transition: a regime is not 0, 1, 2, or a draw not in [0, 1)")
         after[n] = int(u[n] >= first[before]) + int(u[n] >= second[before])
         if after[n] == 0:
             continue

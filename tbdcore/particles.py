@@ -1,8 +1,7 @@
 """Particles: weights on the log scale, resampling, and the probability of existence.
 
-A filter of this repository carries ``N`` particles: states ``S`` of shape (N, d), one row each, and
-one weight each.  What the data say about particle n arrives as a log-weight ``lw[n]``, because one
-frame can be worth a factor e**30 and forty frames in a row overflow a float.
+A filter carries ``N`` particles: states ``S`` of shape (N, d) and one log-weight ``lw[n]`` each,
+because one frame can be worth a factor e**30 and forty frames in a row overflow a float.
 
 ==============================  ==================================================================
 ``normalise(lw)``               the weights ``W``, which sum to one, and the log of the mean weight
@@ -12,23 +11,19 @@ frame can be worth a factor e**30 and forty frames in a row overflow a float.
 ``copy_particles(r, S, n)``     the resampled particles, their number in each regime, the mean state
 ==============================  ==================================================================
 
-If a particle cloud stands for "the target is present" and its un-normalised weights are likelihood
-ratios against "nothing is there", then their mean is the likelihood ratio L of the two hypotheses,
-and the probability of existence P follows by the Bernoulli recursion
+If un-normalised weights are likelihood ratios of "the target is present" against "nothing is
+there", their mean is the ratio L of the two hypotheses, and the probability of existence P is
 
     predict   P' = p_birth (1 - P) + p_survive P                    ``existence_predict``
     update    P  = P' L / (1 - P' + P' L),   L = mean ratio         ``existence_update``
 
-Systematic resampling turns weighted particles into M equal ones.  The weights are laid end to end
-on a line, M arrows fall on it at equal spacing with one common random offset ``u``, and
-``ancestors[m]`` is the particle that arrow m hits.  Particle n gets floor(M W[n]) or
-floor(M W[n]) + 1 copies, M W[n] on average, and none if its weight is zero.  The sum of W need not
-be one: the arrows are spread over the sum as it was accumulated, and one that rounding would carry
+Systematic resampling lays the weights end to end on a line, M arrows fall on it at equal spacing
+with one common random offset ``u``, one draw ``rng.random()``, and ``ancestors[m]`` is the particle
+that arrow m hits.  Particle n gets floor(M W[n]) or floor(M W[n]) + 1 copies, M W[n] on average,
+and none if its weight is zero.  The sum of W need not be one; an arrow that rounding would carry
 past the end hits the last particle of positive weight.
 
-The offset is an argument, one draw ``rng.random()`` of the caller.  All functions raise ValueError
-for NaN, for shapes that do not fit and for indices outside their array.  Not here: what a state
-means (``motion``), what a cell says (``sensor``), when to resample (the notebooks).
+All functions raise ValueError for NaN, for shapes that do not fit and for indices out of range.
 """
 
 import math
@@ -48,11 +43,8 @@ def normalise(lw):
     """
     lw = checks.reals("log-weights", lw, "N")
     top = lw.max(initial=-np.inf)
-    if not np.isfinite(top):
-        raise ValueError(
-            f"log-weights: largest of {lw.size} is {top}; "
-            f"at least one must be finite and none NaN or inf"
-        )
+    if not math.isfinite(top):
+        raise ValueError(f"log-weights: largest of {lw.size} is {top}; give finite ones or -inf")
     with np.errstate(over="ignore"):  # a difference beyond 1e308 is -inf
         W = lw - top
     np.exp(W, out=W)
@@ -64,9 +56,9 @@ def normalise(lw):
 def effective_size(W):
     """Kish's effective number of particles, 1 / sum W**2, for weights (N,) that sum to one."""
     W = checks.reals("weights", W, "N")
-    checks.within("weights", W, 0.0, 1.0 + 1e-6)
-    if not abs(W.sum() - 1.0) < 1e-3:
-        raise ValueError(f"weights: sum of {W.size} is {W.sum():g}, not 1; normalise them first")
+    total = _total(W)
+    if not abs(total - 1.0) < 1e-3:
+        raise ValueError(f"weights: sum of {W.size} is {total:g}, not 1; normalise them first")
     return float(1.0 / np.dot(W, W))
 
 
@@ -100,26 +92,18 @@ def systematic_spec(W, M, u):
     return np.minimum(np.searchsorted(C, (np.arange(M) + u) * (C[-1] / M), side="right"), last)
 
 
+@checks.typed
+@kernel
 def systematic(W, M, u):
     """Systematic resampling: the ancestors (M,), in ascending order.
 
     W : (N,) weights, finite, none negative, one at least positive; they need not sum to one.
     M : number of particles wanted; u : offset in [0, 1), one draw.
     """
-    W, M = checks.reals("weights", W, "N"), checks.integer("M", M, 0)
-    _check_offset(u)
     total = _total(W)
     if not LEAST <= total <= MOST:
-        raise ValueError(
-            f"weights: one of {W.size} is negative, NaN or infinite, or their sum is not between "
-            f"{LEAST:g} and {MOST:g}; normalise them first"
-        )
+        raise ValueError("weights: one is negative, NaN or infinite, or all are 0; correct them")
     return _arrows(W, total, M, u)
-
-
-def _check_offset(u):
-    if not (isinstance(u, float) and 0.0 <= u < 1.0):
-        raise ValueError(f"offset u: {u!r} is not in [0, 1); give rng.random()")
 
 
 @kernel
@@ -135,10 +119,10 @@ def _total(W):
 def _arrows(W, total, M, u):
     """The ancestors of :func:`systematic`, given the sum of the weights.
 
-    Particle n is an ancestor until its end, the cumulative sum, has passed the arrow.  So the ends
-    are counted between the arrows, and the ancestor of an arrow is the number of ends before it: no
-    branch depends on where the weight is.
+    The ancestor of an arrow is the number of particles whose end, the cumulative sum, is before it.
     """
+    if not (M >= 0 and 0.0 <= u < 1.0):
+        raise ValueError("resampling: M is negative, or the offset u is not in [0, 1)")
     last = W.size - 1
     while last > 0 and W[last] <= 0.0:
         last -= 1
@@ -168,27 +152,14 @@ def resample_spec(lw, M, u):
     return ancestors, effective_size(W), len(set(ancestors))
 
 
+@checks.typed
+@kernel
 def resample(lw, M, u):
     """Systematic resampling from log-weights lw (N,), M and u as in :func:`systematic`.
 
     Returns ancestors (M,), ascending; effective size; number of different ancestors.  The weights
-    stay un-normalised, which changes neither result.
-    """
-    lw, M = checks.reals("log-weights", lw, "N"), checks.integer("M", M, 0)
-    _check_offset(u)
-    ancestors, size, different = _resample(lw, M, u)
-    if not size > 0.0:
-        raise ValueError(
-            "log-weights: one is NaN or inf, or none is finite; correct the frame or the particles"
-        )
-    return ancestors, size, different
-
-
-@kernel
-def _resample(lw, M, u):
-    """The loops of :func:`resample`; size 0 for invalid log-weights.
-
-    A log-weight of exactly 0, that of every absent particle, has its exponential taken once.
+    stay un-normalised, which changes neither result.  Absent particles have a log-weight of exactly
+    0, whose exponential is taken once.
     """
     top = lw.max() if lw.size else -np.inf
     W, zero = np.empty(lw.size), math.exp(-top)
@@ -198,7 +169,7 @@ def _resample(lw, M, u):
         total += w
         squares += w * w
     if not total > 0.0:
-        return np.empty(0, np.int64), 0.0, 0
+        raise ValueError("log-weights: one is NaN or inf, or none is finite; correct the frame")
     ancestors = _arrows(W, total, M, u)
     different = min(M, 1)
     for m in range(1, M):
@@ -213,6 +184,8 @@ def copy_particles_spec(r, S, ancestors):
     return r, S, np.bincount(r, minlength=3), mean
 
 
+@checks.typed
+@kernel
 def copy_particles(r, S, ancestors):
     """Copies of the ancestors (M,): their regimes and states, and what the filter reads of them.
 
@@ -220,25 +193,15 @@ def copy_particles(r, S, ancestors):
     the number in each regime (3,), and the mean state (d,) of those present, NaN if none is: Miao
     and Chen's equations (11) and (12).
     """
-    r = checks.integers("regimes", r, "N")
-    S = checks.reals("states", S, r.size, "d")
-    regimes, states, counts, mean = _copy(r, S, checks.integers("ancestors", ancestors, "M"))
-    if counts[0] < 0:
-        raise ValueError("particles: regimes must be 0, 1 or 2, ancestors 0 to N - 1")
-    return regimes, states, counts, mean
-
-
-@kernel
-def _copy(r, S, ancestors):
-    """The loop of :func:`copy_particles`; counts of -1 for an invalid ancestor or regime."""
+    if len(S) != r.size:
+        raise ValueError("particles: give regimes (N,), states (N, d), ancestors (M,)")
     M, d = ancestors.size, S.shape[1]
     regimes, states = np.empty(M, r.dtype), np.empty((M, d))
     counts, total = np.zeros(3, np.int64), np.zeros(d)
     for m in range(M):
         n = ancestors[m]
         if not (0 <= n < r.size and 0 <= r[n] <= 2):
-            counts[0] = -1
-            break
+            raise ValueError("particles: regimes must be 0, 1 or 2, ancestors 0 to N - 1")
         a = regimes[m] = r[n]
         counts[a] += 1
         for i in range(d):
@@ -249,10 +212,9 @@ def _copy(r, S, ancestors):
 
 # Ancestors' history
 #
-# A particle's past, the states of its ancestors, is a candidate track.  What was read along that
-# track in the last `window` frames is kept in H (window, s, N), s samples a frame, particles last.
-# Frame k stands in row k mod window, whatever the age of the particle, so that a frame is written
-# in one piece and only the particles move in resampling.
+# What was read along a particle's past in the last `window` frames is kept in H (window, s, N), s
+# samples a frame.  Frame k stands in row k mod window, whatever the age of the particle, so that a
+# frame is written in one piece and only the particles move in resampling.
 
 
 def record(H, age, k, sample):
@@ -261,10 +223,7 @@ def record(H, age, k, sample):
     sample : (s, N), into row k mod window of H (window, s, N).
     """
     if H.ndim != 3 or not len(H) or H.shape[1:] != np.shape(sample) or age.shape != H.shape[2:]:
-        raise ValueError(
-            f"history: sample {np.shape(sample)} and age {age.shape} do not fit history {H.shape}; "
-            f"give (s, N), (N,) and (window, s, N), window at least 1"
-        )
+        raise ValueError("history: give H (window, s, N), age (N,), sample (s, N), window >= 1")
     H[checks.integer("frame k", k, 0) % len(H)] = sample
     age += 1
 
@@ -277,23 +236,19 @@ def inherit_spec(H, age, ancestors, births):
     )
 
 
+@checks.typed
+@kernel
 def inherit(H, age, ancestors, births):
     """History and age after resampling: those of the ancestors (M,), then those of new particles.
 
     H : (window, s, N), s samples a frame; age : (N,) frames recorded since birth; births : number
     of particles without a history.  Returns new arrays, (window, s, M + births) and (M + births,).
     """
-    H, age = checks.reals("history", H, "window", "s", "N"), checks.integers("age", age, len(H.T))
-    ancestors, births = (
-        checks.integers("ancestors", ancestors, "M"),
-        checks.integer("births", births, 0),
-    )
-    checks.within("ancestors", ancestors, 0, age.size - 1)
-    return _inherit(H, age, ancestors, births)
-
-
-@kernel
-def _inherit(H, age, ancestors, births):
+    if age.size != H.shape[2] or births < 0:
+        raise ValueError("history: give H (window, s, N), age (N,), births of at least 0")
+    for n in ancestors:
+        if not 0 <= n < age.size:
+            raise ValueError("history: an ancestor is not in 0 to N - 1")
     M, size = ancestors.size, ancestors.size + births
     moved, older = np.empty((H.shape[0], H.shape[1], size)), np.zeros(size, age.dtype)
     for i in range(H.shape[0]):

@@ -1,25 +1,15 @@
 """Scores: how good an estimate is, and how far a Monte Carlo number can be trusted.
 
-Nothing here knows what was estimated, so a peer library can be judged by the same functions.
-
 **Proportions.**  k successes in n trials: ``proportion`` gives the estimate and its standard error,
-``wilson`` the interval to draw, which stays inside [0, 1] and does not collapse to a point at k = 0
-or n.
+``wilson`` the interval to draw.  **Crossings.**  The abscissa at which a curve passes a level:
+``crossing`` interpolates linearly around the *last downward* passage (a noisy curve may touch the
+level earlier), ``crossings`` for each of many curves.  **Lost tracks.**  ``loss_onsets`` says when
+a track was lost under a stated rule, ``kept_rmse`` what the error of the others is, with the
+influence of each trial on it, from which paired differences get their errors.  **Sets.**  ``ospa``
+is the distance between two finite sets.  **Columns.**  ``column_test`` compares a table's column.
 
-**Crossings.**  Papers quote the abscissa at which a curve passes a level: "the SNR for a detection
-probability of 0.5".  ``crossing`` finds it by linear interpolation between the two abscissas around
-the *last downward* passage (a noisy curve may touch the level earlier); ``crossings`` does the same
-for many curves at once, one per row, as the replicas of a bootstrap need it.
-
-**Lost tracks.**  ``loss_onsets`` says when a track was lost under a stated rule, ``kept_rmse`` what
-the error of the others is, with the influence of each trial on it, from which paired differences
-get their errors.
-
-**Sets.**  ``ospa`` is the distance between two finite sets.  **Columns.**  ``column_test`` compares
-a whole column of a table.
-
-All raise ValueError for shapes that do not fit and for values outside the range that they name; NaN
-is valid only where it is said.
+All raise ValueError for shapes that do not fit and for values out of range; NaN is valid only where
+it is said.
 """
 
 import math
@@ -53,7 +43,7 @@ def proportion(k, n):
 def wilson(k, n, z=Z99):
     """Wilson's interval (low, high) of a proportion; (0, 1) where n is 0.  Scalars or arrays."""
     k, n = _counts(k, n)
-    if not 0 < z < 1e50:
+    if not 1e-50 < z < 1e50:
         raise ValueError(f"score.wilson: z is {z:g}; give a positive normal quantile")
     centre = k + z * z / 2
     half = z * np.sqrt(np.maximum(k * (n - k), 0) / np.maximum(n, 1) + z * z / 4)
@@ -61,10 +51,7 @@ def wilson(k, n, z=Z99):
 
 
 def crossing(x, y, level):
-    """Abscissa of the last downward passage of a curve through a level; NaN when there is none.
-
-    `x` (m,) monotone, `y` (m,) the curve; NaNs in `y` never cross.
-    """
+    """Abscissa x (m,) where a curve y (m,) last passes a level downwards; NaN if it never does."""
     if np.ndim(y) != 1:
         raise ValueError(f"score.crossing: a curve of shape {np.shape(y)}; give one value per x")
     return float(crossings(x, y, level)[0])
@@ -95,13 +82,9 @@ def _last_passage(x, y, level):
 def ospa(X, Y, c, p):
     """Optimal subpattern assignment distance of two finite sets (Schuhmacher, Vo and Vo 2008).
 
-    X : (m, d), Y : (n, d), either may be empty; c > 0 the price of a point too many; p >= 1 the
-        order.
+    X : (m, d), Y : (n, d), either may be empty; c > 0 the price of a point too many; p >= 1.
 
         ( (min over assignments sum min(c, distance)**p + c**p |m - n|) / max(m, n) )**(1/p)
-
-    The power stands before the assignment: the cheapest pairing of distances is in general not that
-    of their p-th powers.
     """
     from scipy.optimize import linear_sum_assignment  # takes half a second, needed only here
 
@@ -125,10 +108,8 @@ def ospa(X, Y, c, p):
 def ospa_bernoulli(x, existence, truth, c, threshold=0.5):
     """OSPA (...,) of at most one estimate and one target; every order p gives the same number.
 
-    x : (..., d) estimates, empty sets where existence (...,) is at or below the threshold
+    x : (..., d) estimates, none where existence (...,) is at or below the threshold
     truth : (..., d), NaN for no target
-
-    Both empty: 0.  One empty: c.  Neither: the distance, at most c.
     """
     x, existence, truth = (np.asarray(a, float) for a in (x, existence, truth))
     if x.shape != truth.shape or x.shape[:-1] != existence.shape or not x.ndim:
@@ -150,8 +131,7 @@ def loss_onsets(error, distance, scans, after=0):
     """Scan index at which a track is lost, shape (..., T); the number of scans K where it never is.
 
     `error` (..., K, T, 2).  Lost: farther than `distance` in `scans` scans running, none of them
-    before index `after`; the onset is the first of them.  A track that comes back counts as lost
-    all the same.
+    before index `after`; the onset is the first of them.  A track that comes back counts as lost.
     """
     if np.ndim(error) < 3 or error.shape[-1] != 2 or np.isnan(error).any():
         raise ValueError("score.loss_onsets: give errors (..., K, T, 2) without NaN")
@@ -168,10 +148,9 @@ def loss_onsets(error, distance, scans, after=0):
 def kept_rmse(error, kept):
     """RMSE by scan, track and axis over the trials that kept a track, and its influences.
 
-    `error` (n, K, T, 2), `kept` (n, T) bool.  Returns the RMSE (K, T, 2) and the influence (n, K,
-    T, 2) of each trial on it: their standard deviation over sqrt(n) is the standard error, of the
-    RMSE or, after averaging, subtracting or both, of means and paired differences.  NaN where no
-    trial is kept.
+    `error` (n, K, T, 2), `kept` (n, T) bool.  Returns the RMSE (K, T, 2), NaN where no trial is
+    kept, and the influence (n, K, T, 2) of each trial on it: their standard deviation over sqrt(n)
+    is the standard error, also of means and of paired differences.
     """
     if np.ndim(error) != 4 or kept.shape != (len(error), error.shape[2]) or not len(error):
         raise ValueError("score.kept_rmse: give errors (n, K, T, 2) and kept (n, T)")
@@ -204,10 +183,9 @@ class Column(NamedTuple):
 def column_test(measured, printed, covariance, ratio, half=0.0):
     """Whether a table's column, taken as a whole, agrees with ours.
 
-    measured, printed : (r,); covariance : (r, r) of our values, which share scenes; ratio : our
-    number of trials over the paper's, whose covariance is ours times it; half : half of the last
-    printed digit, an error uniform within it.  The mean difference tests for a common shift; p is
-    that of d' C**-1 d, chi-square with r degrees of freedom.
+    measured, printed : (r,); covariance : (r, r) of our values; ratio : our number of trials over
+    the paper's; half : half of the last printed digit.  The mean difference tests for a common
+    shift; p is that of d' C**-1 d, chi-square with r degrees of freedom.
     """
     d = np.asarray(measured, float) - np.asarray(printed, float)
     C = np.asarray(covariance, float) * (1.0 + ratio) + np.eye(d.size) * half**2 / 3.0

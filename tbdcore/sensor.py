@@ -1,12 +1,8 @@
 """Sensor: what a frame of cells looks like, and what it says about a target.
 
-Track-before-detect works on the frame itself.  A frame is an array of cells ``z`` of shape (n_x,
-n_y), or (K, n_x, n_y) for K frames in a row; **the first axis is the first index of the paper** (x,
-or range), the second is the second (y, or azimuth).  Papers count cells from 1, arrays from 0: cell
-(i, j) is ``z[i - 1, j - 1]``.  Pictures that show x to the right are pictures of ``z.T``.
-
-Each section is one kind of sensor: its signal, its noise, a simulated frame, and the log-likelihood
-ratio of "target at this state" against "noise only".
+A frame is an array of cells ``z`` of shape (n_x, n_y), or (K, n_x, n_y) for K frames in a row;
+**the first axis is the first index of the paper** (x, or range), the second is the second (y, or
+azimuth).  Papers count cells from 1, arrays from 0: cell (i, j) is ``z[i - 1, j - 1]``.
 
 =================  =============================================  ==================================
 section            signal in a cell                               noise in a cell
@@ -16,16 +12,15 @@ Point target       all of the target's signal in one cell         any; standard 
 Range and azimuth  power of a Gaussian blob, amplitude unknown    exponential power
 =================  =============================================  ==================================
 
-Cells are independent, so the likelihood of a frame is a product over cells, and every cell that the
-target does not reach has the same factor under both hypotheses.  In the ratio these factors are 1,
-and the product over all cells is one over a patch around the target.  A target outside the frame
-reaches no cell: the log-ratio is 0, the data speak neither for it nor against it.
+Each section has a simulated frame and the log-likelihood ratio of "target at this state" against
+"noise only".  Cells are independent, and a cell that the target does not reach has the same factor
+under both hypotheses: the ratio is a product over a patch around the target.  A target outside the
+frame reaches no cell: the log-ratio is 0.  All functions raise ValueError for NaN, for shapes that
+do not fit and for values out of range.
 
 For a known signal h and normal noise the log-ratio of one cell is h (2 z - h) / (2 sigma**2).
 Summed over the patch it is normal too, with mean +d**2/2 if the target is there and -d**2/2 if not,
 and variance d**2, where d**2 = sum h**2 / sigma**2 is the energy that a matched filter collects.
-
-All functions raise ValueError for NaN, for shapes that do not fit and for values out of range.
 """
 
 import math
@@ -56,20 +51,17 @@ def blob_peak(intensity, blur, delta=1.0):
 def blob_image(x, y, peak, blur, shape):
     """Noise-free frames h of a Gaussian blob: (n_x, n_y), or (K, n_x, n_y) for K positions.
 
-    x, y : numbers or (K,), position in cells; cell (i, j) is centred at (i, j), i = 1 .. n_x,
-        j = 1 .. n_y.  NaN: no target, h = 0.
-    peak : amplitude at the centre; blur : standard deviation of the blob in cells; shape : (n_x,
-        n_y).
+    x, y : numbers or (K,), in cells; cell (i, j) is centred at (i, j), i = 1 .. n_x, j = 1 .. n_y.
+        NaN: no target, h = 0.
+    peak : amplitude at the centre; blur : standard deviation in cells; shape : (n_x, n_y).
     """
     checks.number("peak", peak, -HIGH, HIGH)
     checks.number("blur", blur, 1e-9, 1e9)
-    gx, gy = (
-        np.exp(
-            -((np.arange(1, n + 1) - np.asarray(v, float)[..., None]) ** 2) / (2.0 * blur * blur)
-        )
-        for v, n in zip((x, y), shape, strict=True)
-    )
-    return np.nan_to_num(peak * gx[..., :, None] * gy[..., None, :], nan=0.0)
+    g = []
+    for v, n in zip((x, y), shape, strict=True):
+        d = np.arange(1, n + 1) - np.asarray(v, float)[..., None]
+        g.append(np.exp(-(d**2) / (2.0 * blur * blur)))
+    return np.nan_to_num(peak * g[0][..., :, None] * g[1][..., None, :], nan=0.0)
 
 
 def blob_log_ratio_spec(z, S, r, peak, blur, noise):
@@ -85,47 +77,24 @@ def blob_log_ratio_spec(z, S, r, peak, blur, noise):
     return out
 
 
+@kernel
+def _row_match(z, i, j, w1, w2, w4, w5):
+    """Five cells of row i from column j on, weighted; the middle one by 1."""
+    near = w1 * z[i, j] + w2 * z[i, j + 1] + z[i, j + 2]
+    return near + w4 * z[i, j + 3] + w5 * z[i, j + 4]
+
+
+@checks.typed
+@kernel
 def blob_log_ratio(z, S, r, peak, blur, noise):
     """Log-likelihood ratio (N,) of the 5 x 5 patch around each particle: target against noise only.
 
-    z : (n_x, n_y) frame; S : (N, d) states, x in column 0 and y in column 2, in cells; r : (N,)
-        regimes, 0 absent.
-    peak, blur, noise : amplitude of the blob, its standard deviation in cells, standard deviation
-        of z.
+    z : (n_x, n_y) frame; S : (N, d) states, x in column 0 and y in column 2, in cells
+    r : (N,) regimes, 0 absent
+    peak, blur, noise : amplitude and standard deviation of the blob, standard deviation of z
 
     Absent particles, and particles outside the frame, have log-ratio 0.  The patch is clipped at
-    the edge; it holds all but 1e-7 of the energy of a blob of 0.6 cells (1e-4 at 0.8, 0.2 % at one
-    cell), and is too small for wider blobs.
-    """
-    z, r = checks.reals("frame", z, "n_x", "n_y"), checks.integers("regimes", r, "N")
-    S = checks.reals("states", S, r.size, "d")
-    checks.within("frame", z, -HIGH, HIGH)
-    checks.number("peak", peak, -HIGH, HIGH)
-    checks.number("blur", blur, 1e-9, 1e9)
-    checks.number("noise", noise, 1.0 / HIGH, HIGH)
-    if S.shape[1] < 3:
-        raise ValueError(f"states: {S.shape[1]} columns; give x in column 0 and y in column 2")
-    out = _blob_log_ratio(z, S, r, peak, blur, noise)
-    if np.isnan(out[:1]).any():
-        raise ValueError("states: NaN in the position of a particle that is present")
-    return out
-
-
-@kernel
-def _row_match(z, i, j, far_left, left, right, far_right):
-    """Five cells of row i from column j on, weighted; the middle one by 1."""
-    return (
-        far_left * z[i, j]
-        + left * z[i, j + 1]
-        + z[i, j + 2]
-        + right * z[i, j + 3]
-        + far_right * z[i, j + 4]
-    )
-
-
-@kernel
-def _blob_log_ratio(z, S, r, peak, blur, noise):
-    """The loop of :func:`blob_log_ratio`; the first is NaN if a position is.
+    the edge; it holds all but 1e-7 of the energy of a blob of 0.6 cells (0.2 % at one cell).
 
     The sum over the patch is  (peak sum g_i g_j z_ij - peak**2 / 2 sum g_i**2 sum g_j**2) /
     noise**2,  and the Gaussian is a recurrence: with d the offset to the nearest cell, its value m
@@ -134,20 +103,27 @@ def _blob_log_ratio(z, S, r, peak, blur, noise):
     its factors would overflow: what lies beyond the own cell is then below 1e-38 of the peak.
     """
     nx, ny = z.shape
+    if not (abs(peak) <= HIGH and 1e-9 <= blur <= 1e9 and 1.0 / HIGH <= noise <= HIGH):
+        raise ValueError("peak, blur or noise is NaN or out of range; blur and noise are positive")
+    if S.shape[0] != r.size or S.shape[1] < 3:
+        raise ValueError("states: give (N, d), x in column 0 and y in column 2, regimes (N,)")
     k = 1.0 / (blur * blur)
     tail = min(k, 700.0)
     one, two = math.exp(-0.5 * tail), math.exp(-2.0 * tail)
     framed = np.zeros((nx + 4, ny + 4))
     for i in range(nx):
+        valid = 0
         for j in range(ny):
             framed[i + 2, j + 2] = z[i, j]
+            valid += abs(z[i, j]) <= HIGH
+        if valid < ny:
+            raise ValueError("frame: a cell is NaN, infinite or beyond 1e50")
     out = np.zeros(r.size)
     for n in range(r.size):
         x, y = S[n, 0], S[n, 2]
         if r[n] == 0 or not (0.5 <= x < nx + 0.5 and 0.5 <= y < ny + 0.5):
             if r[n] != 0 and (x != x or y != y):
-                out[0] = np.nan
-                break
+                raise ValueError("states: NaN in the position of a particle that is present")
             continue
         i, j = int(x + 0.5), int(y + 0.5)
         dx, dy = i - x, j - y
@@ -183,34 +159,20 @@ def point_amplitude(snr_db, sigma=1.0):
 def point_frames(noise, cells, amplitude):
     """Frames z (K, n_x, n_y): noise w, A + w in the target's cell (Wan, Wang and Wu 2013, eq. 1).
 
-    noise : (K, n_x, n_y), not changed; cells : (K, 2) of int, the target's cell in each frame,
-        **counted from 0**.
-    amplitude : A, or one A_k for each frame, in the noise's unit.  The result has the noise's type.
-
-    Raises ValueError when there is not one cell for each frame, or when a cell lies outside the
-    frame.
+    noise : (K, n_x, n_y), not changed; the result has its type
+    cells : (K, 2) of int, the target's cell in each frame, **counted from 0**
+    amplitude : A, or (K,), in the noise's unit
     """
     noise = checks.reals("point_frames: noise", noise, "K", "n_x", "n_y")
-    amplitude = np.asarray(amplitude, float)
-    cells, shape = np.asarray(cells), noise.shape
-    if amplitude.shape not in ((), shape[:1]) or not np.isfinite(amplitude).all():
-        raise ValueError(
-            f"point_frames: amplitude of shape {amplitude.shape}; give a finite number or (K,)"
-        )
-    if cells.shape != (shape[0], 2) or cells.dtype.kind not in "iu":
-        raise ValueError(
-            f"point_frames: cells have shape {cells.shape} and type {cells.dtype} for frames "
-            f"{shape}; give whole numbers (i, j) for each frame"
-        )
-    outside = ((cells < 0) | (cells >= shape[1:])).any(axis=1)
-    if outside.any():
-        k = int(outside.argmax())
-        raise ValueError(
-            f"point_frames: cell {tuple(cells[k].tolist())} of frame {k} is outside {shape[1:]}; "
-            f"move the target"
-        )
+    K, shape, amplitude = len(noise), noise.shape[1:], np.asarray(amplitude, float)
+    cells = checks.integers("point_frames: cells", cells, K, 2)
+    if amplitude.shape not in ((), (K,)) or not np.isfinite(amplitude).all():
+        raise ValueError("point_frames: amplitude is not finite; give a number or (K,)")
+    for k in np.flatnonzero(((cells < 0) | (cells >= shape)).any(axis=1)):
+        cell = tuple(cells[k].tolist())
+        raise ValueError(f"point_frames: cell {cell} of frame {k} is outside {shape}")
     z = noise.copy()
-    z[np.arange(shape[0]), cells[:, 0], cells[:, 1]] += amplitude
+    z[np.arange(K), cells[:, 0], cells[:, 1]] += amplitude
     return z
 
 
@@ -249,10 +211,7 @@ def polar_grid(r_min, r_max, a_min, a_max, dr, da):
     counts = (r_max - r_min) / dr, (a_max - a_min) / da
     for axis, count in zip(("range", "azimuth"), counts, strict=True):
         if not 0.5 < count < 1e9 or abs(count - round(count)) > 1e-6:
-            raise ValueError(
-                f"{axis}: the region has {count:g} cells; "
-                f"choose its ends and cell size for a whole number"
-            )
+            raise ValueError(f"{axis}: the region has {count:g} cells; it must be a whole number")
     return PolarGrid(r_min, a_min, dr, da, round(counts[0]), round(counts[1]))
 
 
@@ -297,7 +256,6 @@ def straddle(spread):
 
 @kernel
 def _exponentials(cells, rng):
-    """Fill cells (n,) with draws."""
     for n in range(cells.size):
         cells[n] = rng.standard_exponential(dtype=np.float32)
 
@@ -326,10 +284,8 @@ def _frames_with_target(z, rho, alpha, power):
 def _target_cells(rho, alpha, spread, shape):
     """Slices of the cells around a point in which h**2 is above 1e-16, and h**2 in them."""
     if not (0.5 <= rho < shape[0] + 0.5 and 0.5 <= alpha < shape[1] + 0.5):
-        raise ValueError(
-            f"target at cell ({rho:.1f}, {alpha:.1f}) is outside the {shape[0]} x {shape[1]} "
-            f"cells; move it or the area"
-        )
+        cell, frame = f"({rho:.1f}, {alpha:.1f})", f"{shape[0]} x {shape[1]} cells"
+        raise ValueError(f"target at cell {cell} is outside the {frame}; move it or the area")
     near, power = [], []
     for v, l, n in ((rho, spread.lr, shape[0]), (alpha, spread.la, shape[1])):
         half = math.sqrt(37.0 / l)
@@ -341,12 +297,10 @@ def _target_cells(rho, alpha, spread, shape):
 def add_target(z, rho, alpha, power, spread, rng):
     """Add a target to noise frames, in place: z = |A h + v|**2, one complex amplitude A per frame.
 
-    z : (K, nr, na) noise power |v|**2 in units of its mean; exponential of mean 1.
-    rho, alpha : (K,) place of the target in cells, NaN where there is none.
-    power : (K,) |A|**2 over the noise power.
-    rng : draws the angle between A h and v, uniform in every cell, since v is circular.
-
-    Raises ValueError for a target outside the frame.
+    z : (K, nr, na) noise power |v|**2 in units of its mean
+    rho, alpha : (K,) place of the target in cells, NaN where there is none
+    power : (K,) |A|**2 over the noise power
+    rng : draws the angle between A h and v, uniform in every cell, since v is circular
     """
     for k in _frames_with_target(z, rho, alpha, power):
         near, h2 = _target_cells(rho[k], alpha[k], spread, z.shape[1:])
@@ -370,13 +324,8 @@ def check_frames(z):
     """Raise ValueError, naming the first, unless all cells of z (K, nr, na) are finite and >= 0."""
     z = checks.reals("frames", z, "K", "nr", "na")
     if not (z.min(initial=0.0) >= 0.0 and z.max(initial=0.0) < np.inf):
-        bad = next(
-            k for k, frame in enumerate(z) if not (frame.min() >= 0.0 and frame.max() < np.inf)
-        )
-        raise ValueError(
-            f"frames: frame {bad + 1} has a cell that is negative, infinite or NaN; "
-            f"powers are finite and not below 0"
-        )
+        k = np.flatnonzero(~((z >= 0.0) & (z < np.inf)).all(axis=(1, 2)))[0]
+        raise ValueError(f"frames: frame {k + 1} has a cell that is negative, infinite or NaN")
 
 
 def _polar(z, rho, alpha, spread, snr=None):
@@ -398,9 +347,8 @@ def _patches(z, rho, alpha, spread):
     i, j = (np.arange(1, n + 1) for n in z.shape)
     for n, (r, a) in enumerate(zip(rho, alpha, strict=True)):
         if 0.5 <= r < z.shape[0] + 0.5 and 0.5 <= a < z.shape[1] + 0.5:
-            near = np.outer(
-                abs(i - np.floor(r + 0.5)) <= spread.hr, abs(j - np.floor(a + 0.5)) <= spread.ha
-            )
+            d, e = i - np.floor(r + 0.5), j - np.floor(a + 0.5)
+            near = np.outer(abs(d) <= spread.hr, abs(e) <= spread.ha)
             yield n, spread_power(r, a, spread, z.shape)[near], z[near]
 
 
@@ -412,26 +360,24 @@ def _inside(rho, alpha, nr, na):
 
 @kernel
 def _gaussian(out, peak, tilt, fixed):
-    """out[h + m] = peak tilt**m fixed[abs(m)], m = -h .. h: no exponential per sample.
-
-    Where fixed is below 1e-300 the sample is 0: tilt**m may be infinite there.
-    """
-    h = fixed.size - 1
+    """out[h + m] = peak tilt**m fixed[abs(m)]: no exponential per sample; 0 beyond ``fixed``."""
+    h = out.size // 2
     back = 1.0 / tilt
     up = down = peak
     out[h] = peak
-    for m in range(1, h + 1):
+    for m in range(1, fixed.size):
         up *= tilt
         down *= back
-        out[h + m] = up * fixed[m] if fixed[m] > 1e-300 else 0.0
-        out[h - m] = down * fixed[m] if fixed[m] > 1e-300 else 0.0
+        out[h + m] = up * fixed[m]
+        out[h - m] = down * fixed[m]
 
 
 @kernel
 def _decays(spread):
-    """exp(-l m**2) for m = 0 .. h, of both axes."""
+    """exp(-l m**2) for m = 0 .. h, of both axes, as far as it is above 1e-300."""
     lr, la, hr, ha = spread
-    return np.exp(-lr * np.arange(hr + 1.0) ** 2), np.exp(-la * np.arange(ha + 1.0) ** 2)
+    fr, fa = np.exp(-lr * np.arange(hr + 1.0) ** 2), np.exp(-la * np.arange(ha + 1.0) ** 2)
+    return fr[fr > 1e-300], fa[fa > 1e-300]
 
 
 @kernel
@@ -448,9 +394,7 @@ def _patch(rho, alpha, spread):
 
 
 def power_log_ratio_spec(z, rho, alpha, snr, spread):
-    """Specification of :func:`power_log_ratio`: log densities (7) of target and of noise, summed
-    over the patch.
-    """
+    """Specification of :func:`power_log_ratio`: sum of the log densities (7) over the patch."""
     out = np.full(len(rho), -np.inf)
     for n, h2, cells in _patches(z, rho, alpha, spread):
         mu = 1.0 + snr[n] * h2
@@ -466,8 +410,7 @@ def power_log_ratio(z, rho, alpha, snr, spread):
     Log-ratio 0 where snr is 0 or less; -inf off the frame (and at NaN), where the region of
     equations (22, 23) has no target.
     """
-    z, rho, alpha, snr = _polar(z, rho, alpha, spread, snr)
-    return _power_log_ratio(z, rho, alpha, snr, spread)
+    return _power_log_ratio(*_polar(z, rho, alpha, spread, snr), spread)
 
 
 @kernel
@@ -493,7 +436,7 @@ def _power_log_ratio(z, rho, alpha, snr, spread):
     """
     (nr, na), (_, _, hr, ha) = z.shape, spread
     w = min(4 * (ha // 2) + 4, na)  # columns in the window: at least 2 ha + 1, a multiple of four
-    (fr, fa), gr, padded = _decays(spread), np.empty(2 * hr + 1), np.zeros(2 * (w + ha) + 1)
+    (fr, fa), gr, padded = _decays(spread), np.zeros(2 * hr + 1), np.zeros(2 * (w + ha) + 1)
     ga = padded[w : w + 2 * ha + 1]
     num, den = np.empty(w), np.empty(w)
     out = np.empty(rho.size)
@@ -544,19 +487,16 @@ def cell_power_spec(z, rho, alpha):
     return out
 
 
+@checks.typed
+@kernel
 def cell_power(z, rho, alpha):
     """Power (N,) of the cell that holds each particle, 0 off the frame.
 
     z : (nr, na); rho, alpha : (N,) in cells.
     """
-    z, rho = checks.reals("frame", z, "nr", "na"), checks.reals("rho", rho, "N")
-    return _cell_power(z, rho, checks.reals("alpha", alpha, rho.size))
-
-
-@kernel
-def _cell_power(z, rho, alpha):
-    nr, na = z.shape
-    out = np.zeros(rho.size)
+    (nr, na), out = z.shape, np.zeros(rho.size)
+    if alpha.size != rho.size:
+        raise ValueError("rho, alpha: give one place (rho, alpha) for each particle")
     for n in range(rho.size):
         if _inside(rho[n], alpha[n], nr, na):
             out[n] = z[int(rho[n] + 0.5) - 1, int(alpha[n] + 0.5) - 1]
@@ -584,7 +524,7 @@ def patch_fit(z, rho, alpha, spread):
 @kernel
 def _patch_fit(z, rho, alpha, spread):
     (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
-    gr, ga, column = np.empty(2 * hr + 1), np.empty(2 * ha + 1), np.empty(2 * ha + 1)
+    gr, ga, column = np.zeros(2 * hr + 1), np.zeros(2 * ha + 1), np.empty(2 * ha + 1)
     out = np.zeros((2, rho.size))
     for n in range(rho.size):
         if not _inside(rho[n], alpha[n], nr, na):
@@ -629,11 +569,8 @@ def _log_bessel(x, table):
     """
     if not x < _BESSEL_END:
         t = 1.0 / (8.0 * x)
-        return (
-            x
-            - 0.5 * math.log(2.0 * math.pi * x)
-            + math.log(1.0 + t * (1.0 + t * (4.5 + t * (37.5 + t * 459.375))))
-        )
+        series = 1.0 + t * (1.0 + t * (4.5 + t * (37.5 + t * 459.375)))
+        return x - 0.5 * math.log(2.0 * math.pi * x) + math.log(series)
     m = int(x * _BESSEL_CELLS)
     u = x * _BESSEL_CELLS - m
     f, df = table[m]
@@ -653,16 +590,18 @@ def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
             x = 2.0 * np.sqrt(p * h2 * cells)
             return (np.log(i0e(x)) + x - p * h2).sum() - p / snr[n]
 
-        best = minimize_scalar(
-            lambda p, f=log_density: -f(p), bounds=(0.0, 40.0 * snr[n] + 40.0), method="bounded"
-        ).x
-        top = log_density(best)
-        ends = [0.0, best, best + 2.0, 2.0 * best + 20.0, 80.0 * snr[n] + 80.0]
-        area = [
-            quad(lambda p, f=log_density, c=top: np.exp(f(p) - c), *e, epsabs=0, epsrel=1e-10)[0]
-            for e in pairwise(ends)
-        ]
-        out[n] = top + np.log(sum(area) / snr[n])
+        bounds = 0.0, 40.0 * snr[n] + 40.0
+        best = minimize_scalar(lambda p, f=log_density: -f(p), bounds=bounds, method="bounded").x
+        top, ends = (
+            log_density(best),
+            (0.0, best, best + 2.0, 2.0 * best + 20.0, 80.0 * snr[n] + 80.0),
+        )
+
+        def density(p, f=log_density, top=top):
+            return np.exp(f(p) - top)
+
+        area = sum(quad(density, *e, epsabs=0, epsrel=1e-10)[0] for e in pairwise(ends))
+        out[n] = top + np.log(area / snr[n])
     return out
 
 
@@ -670,7 +609,7 @@ def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
 def _coherent(z, rho, alpha, snr, spread, step, table, out):
     """The loop of :func:`coherent_log_ratio`; spread : of the amplitude."""
     (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
-    gr, ga = np.empty(2 * hr + 1), np.empty(2 * ha + 1)
+    gr, ga = np.zeros(2 * hr + 1), np.zeros(2 * ha + 1)
     x = np.empty(gr.size * ga.size)
     for n in range(rho.size):
         inside = _inside(rho[n], alpha[n], nr, na)

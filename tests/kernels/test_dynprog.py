@@ -297,8 +297,8 @@ def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
 @pytest.mark.parametrize(
     ("frames", "message"),
     [
-        (np.zeros((5, 5)), "not (K, Nx, Ny)"),
-        (np.zeros((2, 0, 5)), "at least one cell"),
+        (np.zeros((5, 5)), "stack them to (K, Nx, Ny)"),
+        (np.zeros((2, 0, 5)), "none empty"),
         (
             np.where(np.arange(24).reshape(2, 3, 4) == 17, np.nan, 0.0),
             "nan in frame 1, cell (1, 1)",

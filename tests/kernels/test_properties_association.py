@@ -132,7 +132,6 @@ def test_gate_keeps_what_is_inside(data):
         ("gate", ([[0.0, 0.0]], [[0.0, 0.0]], [np.eye(2)], 0.0, 1.0), "gamma"),
         ("gate", ([[0.0, 0.0, 1.0]], [[0.0, 0.0]], [np.eye(2)], 9.0, 1.0), "give plots"),
         ("gate", ([0.0, 0.0], [[0.0, 0.0]], [np.eye(2)], 9.0, 1.0), "give plots"),
-        ("listed_events", ([True, False],), "one row per track"),
         ("ljipda", ([[1.0]], [[1.0, 2.0]], [0.5], [0.5]), "one shape"),
     ],
 )

@@ -37,9 +37,10 @@ def tracks(draw, n, good):
     return x, P
 
 
-def check_covariances(P):
+def check_covariances(P, before=1e-300):
+    """Symmetric and positive, but for rounding of the largest element, before or after."""
     assert np.isfinite(P).all()
-    scale = np.abs(P).max(axis=(-1, -2), initial=1e-300)[..., None]
+    scale = np.abs(P).max(axis=(-1, -2), initial=np.abs(before).max())[..., None]
     assert (np.abs(P - np.swapaxes(P, -1, -2)) <= 1e-9 * scale[..., None]).all()
     assert (np.linalg.eigvalsh(P) >= -1e-7 * scale).all()
 
@@ -63,12 +64,11 @@ def test_dense_steps(good):
             assert np.isfinite(after[0]).all()
             assert np.isfinite(after[1]).all()
             if good:
-                check_covariances(after[1])
+                check_covariances(after[1], P)
         d2 = outcome(kalman.mahalanobis, y, R)
         assert d2 is None or (d2 >= 0).all()
-        sizes = [f(4.0, R) for f in (kalman.gate_volume, kalman.ellipse_volume)] if good else []
-        sizes += [outcome(kalman.gate_volume, T, R), outcome(kalman.ellipse_volume, T, R)]
-        assert all(size is None or size >= 0 for size in sizes)
+        size = kalman.gate_volume(4.0, R) if good else outcome(kalman.gate_volume, T, R)
+        assert size is None or size >= 0
         wrapped = outcome(kalman.residual, y, y[::-1])
         assert wrapped is None or (abs(wrapped[:, 1]) <= np.pi).all()
 
@@ -93,7 +93,7 @@ def test_compiled_steps_of_one_track(good):
             if found is not None:
                 assert all(np.isfinite(part).all() for part in found)
                 if good and len(found) == 2:
-                    check_covariances(found[1])
+                    check_covariances(found[1], P)
         found = outcome(kalman.two_point, np.array([a, b]), np.array([c, d]), x[:2], x[2:], b)
         if found:
             check_covariances(found[1])
@@ -142,7 +142,7 @@ H, ONE = np.eye(4)[::2], np.ones((1, 1))
         ("predict_cv", (list(X), P, 1.0, 0.1), "float"),
         ("predict_cv", (X, P, 1.0, -0.1), "negative"),
         ("predict_cv", (X, -P, 1.0, 0.1), "negative"),
-        ("predict_cv", (X, P, np.nan, 0.1), "NaN"),
+        ("predict_cv", (X, P, np.nan, 0.1), "no number"),
         ("gate_polar", (0 * X, P, 1.0, 1.0), "NaN"),
         ("gate_polar", (X, P, 1.0, -1.0), "negative"),
         ("gate_polar", (X, P, -1.0, 1.0), "negative"),
@@ -159,7 +159,6 @@ H, ONE = np.eye(4)[::2], np.ones((1, 1))
         ("polar_jacobian", (0 * X,), "radar"),
         ("gate_half_widths", (-1.0, P), "positive"),
         ("gate_half_widths", (1.0, -P), "positive"),
-        ("ellipse_volume", (0.0, P[:2, :2] + np.eye(2)), "gamma"),
         ("residual", (np.array([np.inf, 0.0]), np.zeros(2)), "NaN or infinite"),
         ("gate_tracks", (X, P, 1.0, 1.0), "give x"),
         ("gate_tracks", (0 * X[None], P[None], 1.0, 1.0), "positive definite"),

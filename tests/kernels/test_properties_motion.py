@@ -143,5 +143,5 @@ def test_nonsense_in_a_box_is_refused(u, omegas, words):
     ],
 )
 def test_nonsense_in_a_matrix_is_refused(function, args):
-    with pytest.raises(ValueError, match="must be finite"):
+    with pytest.raises(ValueError, match="is no number in"):
         getattr(motion, function)(*args)
