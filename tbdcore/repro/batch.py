@@ -60,51 +60,34 @@ class Result(NamedTuple):
 def run(paper, values, output, *, say=print, resume=False, debug=False):
     """Execute a notebook with checked parameters; returns its :class:`Result`, of a failed run too.
 
-    Parameters
-    ----------
-    paper : str
-    values : dict
-        Parameters as :func:`tbdcore.repro.pages.validate` returns them.
-    output : pathlib.Path
-        The executed notebook.
-    say : callable
-        Gets the lines of progress.
-    resume : bool
-        Skip what is done.
-    debug : bool
-        Print the traceback of a run that fails on standard error.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After everything that the run had started has ended.
+    `values` are parameters as :func:`tbdcore.repro.pages.validate` returns them, `output` the path
+    of the executed notebook; `say` gets the lines of progress; `resume` skips what is done; `debug`
+    prints the traceback of a run that fails.  KeyboardInterrupt is raised after everything that the
+    run had started has ended.
     """
     folder = Path(values.get("out") or paths.figures())
     result = Result(paper, 0.0, {}, str(folder / paper), str(output))
     if left := _remove_leftovers(folder / paper, output.parent):
         say(f"{paper}: removed what a killed run had left: {', '.join(left)}")
     if resume and done(paper, values, folder):
-        kept = str(output) if output.is_file() else ""
-        result = result._replace(verdicts=counts(folder / paper), skipped=True, notebook=kept)
-        found = summary(result.verdicts)
-        say(f"{paper}: skipped, its products have these sources and parameters ({found})")
-        return result
+        kept, found = str(output) if output.is_file() else "", counts(folder / paper)
+        same = f"its products have these sources and parameters ({summary(found)})"
+        say(f"{paper}: skipped, {same}")
+        return result._replace(verdicts=found, skipped=True, notebook=kept)
     expected, start = _expected(paper, values), time.monotonic()
     say(f"{paper}: running" + (f", {expected:.0f} s the last time" if expected else ""))
     try:
-        clock = partial(_show_clock, paper, start, expected)
-        _execute(paper, values, output, clock, debug)
+        _execute(paper, values, output, partial(_show_clock, paper, start, expected), debug)
     except RuntimeError as error:
-        result = result._replace(notebook=str(pages.failed_at(output)), error=str(error))
-    seconds = round(time.monotonic() - start, 1)
-    if result.error:
-        return result._replace(seconds=seconds, status=FAILED)
+        seconds, failed = round(time.monotonic() - start, 1), str(pages.failed_at(output))
+        fault = {"status": FAILED, "error": str(error)}
+        return result._replace(seconds=seconds, notebook=failed, **fault)
+    seconds, found = round(time.monotonic() - start, 1), counts(folder / paper)
     products.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
-    result = result._replace(seconds=seconds, verdicts=counts(folder / paper))
     took = f"{seconds:.0f} s" + (f", expected {expected:.0f} s" if expected else "")
-    judged = f"{sum(result.verdicts.values())} claims ({summary(result.verdicts)})"
-    say(f"{paper}: {judged if result.verdicts else 'done'}; {took}")
-    return result
+    judged = f"{sum(found.values())} claims ({summary(found)})" if found else "done"
+    say(f"{paper}: {judged}; {took}")
+    return result._replace(seconds=seconds, verdicts=found)
 
 
 def sweep(paper, name, runs, folder, *, say=print, resume=False, debug=False):
@@ -127,8 +110,7 @@ def sweep(paper, name, runs, folder, *, say=print, resume=False, debug=False):
             table = claims.verdicts(paper, place).rename(columns={"id": "claim"})
             tables.append(table.assign(value=value))
             every = pd.concat(tables, ignore_index=True)
-            kept = every[[column for column in TABLE if column in every]]
-            files = {f"{name}.csv": kept, f"{name}_shares.csv": shares(every)}
+            files = {f"{name}.csv": every[[*TABLE]], f"{name}_shares.csv": shares(every)}
             products.write(folder, {file: products.csv(frame) for file, frame in files.items()})
         yield result
 
@@ -137,32 +119,24 @@ def shares(table):
     """For each claim of a sweep's table the number of values and the share with each verdict."""
     import pandas as pd
 
-    of = [column for column in ("claim", "evidence") if column in table]
     each = pd.get_dummies(table["verdict"], dtype=float)
     each = each.reindex(columns=list(claims.VERDICTS), fill_value=0.0)
-    grouped = each.groupby([table[column] for column in of], sort=False)
+    grouped = each.groupby([table["claim"], table["evidence"]], sort=False)
     share = grouped.mean()
     share.insert(0, "values", grouped.size())
     return share.reset_index()
 
 
 def done(paper, values, folder):
-    """Whether a folder holds every product of a paper, made from the present sources with these
-    parameters and versions.
-    """
-    present = {file.name for file in (folder / paper).glob("*")}
+    """Whether a folder holds every product of a paper, made as a run would make it now."""
     made = [products.record(file) for file in (folder / paper).glob("*.json")]
     wanted = set().union(*(about["files"] for about in made))
-    if paper in claims.papers():
-        wanted.add("verdicts.csv")
-    if not made or not wanted <= present:
+    wanted |= {"verdicts.csv"} if paper in claims.papers() else set()
+    if not made or not wanted <= set(os.listdir(folder / paper)):
         return False
-    now = {
-        "digest": pages.digest(paper),
-        "parameters": _settings(paper, values),
-        "versions": products.versions(),
-    }
-    return all(about.get(key) == value for about in made for key, value in now.items())
+    now = {"digest": pages.digest(paper), "versions": products.versions()}
+    now["parameters"] = _settings(paper, values)
+    return all(about | now == about for about in made)
 
 
 def counts(folder):
@@ -181,12 +155,9 @@ def summary(verdicts):
 
 def _settings(paper, values):
     """All parameters that can change a result, as they are read back from JSON."""
-    known = {
-        name: parameter.default
-        for name, parameter in pages.parameters(paper).items()
-        if name not in pages.PLUMBING
-    }
-    return json.loads(json.dumps({name: values.get(name, known[name]) for name in known}))
+    known = pages.parameters(paper)
+    kept = {name: values.get(name, known[name].default) for name in known}
+    return json.loads(json.dumps({name: kept[name] for name in kept if name not in pages.PLUMBING}))
 
 
 def _key(paper, values):

@@ -70,16 +70,16 @@ def text(id, form=""):
     if form == "latex":
         return _latex(about, have)
     if form == "markdown":
-        return _markdown(about, have)
+        return _markdown(about, have) + ("\n" if "png" in have else f"\n{about['caption']}\n")
     names = "".join(f"  {_relative(file)}\n" for file in have.values())
-    head = f"{id}\n  {about['caption']}\n  {_provenance(about)}\n"
-    return f"{head}\n{names}\n{text(id, 'bibtex')}"
+    made = f"seed {about['seed']}, {about['trials']} trials, digest {about['digest']}"
+    head = f"{id}\n  {about['caption']}\n  {made}; {_remake(about, about['paper'])}\n"
+    return f"{head}\n{names}\n{entries(about['paper'])}"
 
 
-def _provenance(about):
-    """Seed, trials, digest and command of a product."""
-    remake = about.get("remake") or f"tbdcore run {about['paper']}"
-    return f"seed {about['seed']}, {about['trials']} trials, digest {about['digest']}; {remake}"
+def _remake(about, paper):
+    """The command that makes a product again."""
+    return about.get("remake") or f"tbdcore run {paper}"
 
 
 def _relative(file, start=None):
@@ -91,51 +91,39 @@ def _latex(about, have):
     """A figure or a table environment, which needs no other packages than graphicx and booktabs."""
     kind = "figure" if "png" in have or "pdf" in have else "table"
     if {"figure": "pdf", "table": "tex"}[kind] not in have:
-        raise ValueError(
-            f"{about['id']}: its files are incomplete; make them anew: tbdcore run {about['paper']}"
-        )
-    label = f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"
-    source = _after(about)
+        advice = f"make them anew: tbdcore run {about['paper']}"
+        raise ValueError(f"{about['id']}: its files are incomplete; {advice}")
     says = products.tex(about["caption"].rstrip(" ."))
-    caption = f"\\caption{{{says}. {source} with~\\cite{{tbdcore}}.}}"
+    body = [f"\\caption{{{says}. {_after(about)} with~\\cite{{tbdcore}}.}}"]
+    body += [f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"]
     if kind == "figure":
-        body = [f"\\includegraphics[width=\\linewidth]{{{_relative(have['pdf'])}}}", caption, label]
+        package = "graphicx"
+        body = [f"\\includegraphics[width=\\linewidth]{{{_relative(have['pdf'])}}}", *body]
     else:
-        body = [
-            caption,
-            label,
-            r"\smallskip",
-            NARROWER,
-            f"  \\input{{{_relative(have['tex'])}}}}}%",
-        ]
-    package = {"figure": "graphicx", "table": "booktabs,graphicx"}[kind]
-    entries = _relative(next(iter(have.values())).parent.parent / "figures")
-    lines = [
-        f"% needs \\usepackage{{{package}}}, and \\bibliography{{{entries}}} with "
-        f"\\bibliographystyle{{plain}}"
-    ]
-    lines += [f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
+        package = "booktabs,graphicx"
+        body += [r"\smallskip", NARROWER, f"  \\input{{{_relative(have['tex'])}}}}}%"]
+    entries = f"\\bibliography{{{_relative(paths.figures() / 'figures')}}}"
+    needs = f"% needs \\usepackage{{{package}}}, and {entries} with \\bibliographystyle{{plain}}"
+    lines = [needs, f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
     return "\n".join([*lines, f"\\end{{{kind}}}", ""])
 
 
 def _after(about):
     """How a caption names the paper: a product of ours beyond the paper is not after it."""
-    name = about["id"].partition("/")[2]
     if about["paper"] not in pages.papers():
         return "Computed"
-    origin = "Not in" if name.startswith(("beyond_", "open_")) else "After"
+    origin = "Not in" if re.search("/(beyond|open)_", about["id"]) else "After"
     return f"{origin}~\\cite{{{about['paper']}}}, computed"
 
 
-def _markdown(about, have):
-    """A picture with its caption, or the table."""
+def _markdown(about, have, folder=None):
+    """A picture, or the table itself."""
     if "png" in have:
-        return f"![{about['caption']}]({_relative(have['png'])})\n"
-    return f"{have['md'].read_text(encoding='utf-8')}\n{about['caption']}\n"
+        return f"![{about['caption']}]({_relative(have['png'], folder)})"
+    return have["md"].read_text(encoding="utf-8")
 
 
-# Bibliography -------------------------------------------------------------------------------------
-# ---------------------
+# Bibliography --------------------------------------------------------------------------------
 
 
 def entry(kind, key, fields):
@@ -147,17 +135,13 @@ def entry(kind, key, fields):
 def paper_entry(paper):
     """BibTeX of a paper: an @article where everything is known that one needs, else a @misc."""
     about = papers()[paper]
-    fields = {name: _latin(str(about.get(name, ""))) for name in FIELDS}
+    chinese = r"\s*\([^)]*[\u3000-\u9fff][^)]*\)"  # in brackets; pdfTeX cannot set it
+    fields = {name: products.tex(re.sub(chinese, "", str(about.get(name, "")))) for name in FIELDS}
     fields["author"] = products.tex(" and ".join(about.get("authors", ())))
     fields["key"] = "" if fields["author"] else fields["title"]
     fields["title"] = f"{{{fields['title']}}}"
     fields["pages"] = fields["pages"].replace("-", "--")
     return entry("article" if all(fields[name] for name in ARTICLE) else "misc", paper, fields)
-
-
-def _latin(text):
-    """Text in TeX without what stands in brackets in Chinese, which pdfTeX cannot set."""
-    return products.tex(re.sub(r"\s*\([^)]*[\u3000-\u9fff][^)]*\)", "", text))
 
 
 def repository_entry():
@@ -166,33 +150,20 @@ def repository_entry():
 
     try:
         about = yaml.safe_load(paths.CITATION.read_text(encoding="utf-8"))
-        author, title = (
-            " and ".join(map(_name, about["authors"])),
-            f"{{{products.tex(about['title'])}}}",
-        )
+        fields = {"author": " and ".join(map(_name, about["authors"]))}
+        fields["title"] = f"{{{products.tex(about['title'])}}}"
     except (yaml.YAMLError, KeyError, TypeError):
-        raise ValueError(
-            f"{paths.CITATION.name}: no authors or no title in it; "
-            f"take it from the repository again"
-        ) from None
-    fields = {
-        "author": author,
-        "title": title,
-        "version": about.get("version"),
-        "year": str(about.get("date-released", ""))[:4],
-        "doi": about.get("doi"),
-        "url": about.get("repository-code"),
-    }
-    return entry("misc", "tbdcore", fields)
+        wrong = "no authors or no title in it; take it from the repository again"
+        raise ValueError(f"{paths.CITATION.name}: {wrong}") from None
+    fields |= {"year": str(about.get("date-released", ""))[:4], "url": about.get("repository-code")}
+    return entry("misc", "tbdcore", fields | {key: about.get(key) for key in ("version", "doi")})
 
 
 def _name(who):
     """An author of CITATION.cff: a person, or an entity that BibTeX must not take apart."""
-    return (
-        f"{{{products.tex(who['name'])}}}"
-        if "name" in who
-        else products.tex(f"{who['family-names']}, {who['given-names']}")
-    )
+    if "name" in who:
+        return f"{{{products.tex(who['name'])}}}"
+    return products.tex(f"{who['family-names']}, {who['given-names']}")
 
 
 def papers():
@@ -216,29 +187,26 @@ def papers():
 def entries(paper):
     """BibTeX of a notebook: of its paper, unless it is the index, and of this repository."""
     pages.path(paper)  # there is one
-    own = [paper_entry(paper)] if paper in pages.papers() else []
-    return "\n".join([*own, repository_entry()])
+    return _bibliography([paper] if paper in pages.papers() else [])
 
 
 def bibliography():
     """figures.bib: every paper and this repository."""
-    return "\n".join([*(paper_entry(paper) for paper in pages.papers()), repository_entry()])
+    return _bibliography(pages.papers())
 
 
-# Gallery ------------------------------------------------------------------------------------------
-# ---------------------
+def _bibliography(papers):
+    return "\n".join([*map(paper_entry, papers), repository_entry()])
+
+
+# Gallery -------------------------------------------------------------------------------------
 
 
 def gallery():
     """figures/README.md: every figure and table with caption, verdicts and files."""
     folder, known = paths.figures(), papers()
-    lines = [
-        "# Figures and tables",
-        "",
-        "Written by `tbdcore score`. Cite one with `tbdcore cite <id>`, trace a file with "
-        "`tbdcore which <file>`.",
-        "",
-    ]
+    uses = "Cite one with `tbdcore cite <id>`, trace a file with `tbdcore which <file>`."
+    lines = ["# Figures and tables", "", f"Written by `tbdcore score`. {uses}", ""]
     for paper in pages.everything():
         about, page = known.get(paper), pages.path(paper)
         said = f"{about['short']}: *{about['title']}*. " if about else ""
@@ -251,17 +219,13 @@ def gallery():
 
 
 def _exhibit(id, verdicts, folder):
-    """One figure or table of the gallery."""
     about, have = product(id), files(id)
     links = ", ".join(f"[{ending}]({_relative(file, folder)})" for ending, file in have.items())
-    if "png" in have:
-        show = f"![{about['caption']}]({_relative(have['png'], folder)})"
-    else:
-        show = have["md"].read_text(encoding="utf-8")
     shown = [claim for claim in about["claims"] if verdicts is not None and claim in verdicts.index]
     judged = [f"- `{claim}` {_judged(verdicts.loc[claim])}" for claim in shown]
     last = [*judged, ""] if judged else []
-    return [f"### {id}", "", show, "", f"{about['caption']} ({links})", "", *last]
+    said = f"{about['caption']} ({links})"
+    return [f"### {id}", "", _markdown(about, have, folder), "", said, "", *last]
 
 
 def _judged(row):
@@ -293,8 +257,8 @@ def embedded(file):
         raise FileNotFoundError(f"{file}: no such file; give a product that tbdcore has made")
     kind, content = file.suffix.lower(), file.read_bytes()
     if kind == ".csv":
-        named = [id for id in ids() if (files(id).get("csv") or file).read_bytes() == content]
-        named = [id for id in named if "csv" in files(id)]
+        tables = {id: files(id)["csv"] for id in ids() if "csv" in files(id)}
+        named = [id for id in tables if tables[id].read_bytes() == content]
     elif kind == ".png":
         chunk = re.search(rb"(.{4})tEXtTitle\0", content, re.DOTALL)
         size = int.from_bytes(chunk[1]) - len(b"Title\0") if chunk else 0
@@ -304,10 +268,8 @@ def embedded(file):
         named = [text.decode("utf-8", "replace") for text in found]
     known = [id for id in named if re.fullmatch(r"\w+/\w+", id)]
     if not known or known[0].partition("/")[0] not in pages.everything():
-        raise ValueError(
-            f"{file}: no product of this repository (a picture carries its id, a CSV must be one "
-            "of those in figures/)"
-        )
+        why = "a picture carries its id, a CSV must be one of those in figures/"
+        raise ValueError(f"{file}: no product of this repository ({why})")
     return known[0]
 
 
@@ -333,7 +295,7 @@ def which(file):
     else:
         lines.append(f"stale: made by the sources {made}, the present ones are {now}")
     lines.append(copy if kept.is_file() else f"there is no {_relative(kept)}")
-    lines.append(f"make it again: {about.get('remake') or f'tbdcore run {paper}'}")
+    lines.append(f"make it again: {_remake(about, paper)}")
     return "\n  ".join(lines) + "\n", not about or made == now
 
 

@@ -1,13 +1,5 @@
 """The command line: ``tbdcore run | sweep | score | cite | which | list | doctor | --version``.
 
-``run``     executes notebooks with checked parameters; products are written only on success
-``sweep``   executes one notebook for each value of a parameter
-``score``   the scorecard of all papers from their verdicts
-``cite``    caption, files and BibTeX of a figure or table; the ids of all
-``which``   what a file is, what made it, and whether that has changed since
-``list``    the papers; one paper's parameters, figures and tables
-``doctor``  whether this machine can run it all
-
 Exit codes: 0 good, 1 a check failed, 2 bad usage or input, 3 the environment, 130 interrupted.  An
 error is one line on standard error: what, where, what to do; ``--debug`` shows the traceback.
 """
@@ -26,15 +18,11 @@ from functools import partial
 from pathlib import Path
 
 import tbdcore
-from tbdcore.repro import paths, products
+from tbdcore.repro import claims, paths, products
 
 GOOD, FAILED, USAGE, ENVIRONMENT, INTERRUPTED = 0, 1, 2, 3, 130
-FORMS = {
-    "bibtex": "entries of the paper and of this repository",
-    "caption": "the caption alone",
-    "latex": "a complete figure or table environment",
-    "markdown": "for Markdown",
-}
+FORMS = {"bibtex": "entries of the paper and of this repository", "caption": "the caption alone"}
+FORMS |= {"latex": "a complete figure or table environment", "markdown": "for Markdown"}
 
 
 class CommandError(Exception):
@@ -47,12 +35,15 @@ class CommandError(Exception):
 
 def main(argv=None):
     """Entry point; returns the exit code."""
+    global batch, cite, pages, trials
     words = sys.argv[1:] if argv is None else argv
     report = partial(_report, debug="--debug" in words)
     try:
         with products.signals_to(signal.default_int_handler):
             arguments = _parse(words)
             paths.root()
+            from tbdcore.repro import batch, cite, pages, trials  # --help does without
+
             with _figures(getattr(arguments, "figures", None)):
                 return arguments.command(arguments)
     except CommandError as error:
@@ -68,11 +59,11 @@ def main(argv=None):
     except ValueError as error:
         return report(error, USAGE)
     except KeyboardInterrupt:
-        said = "interrupted; finished papers are kept, nothing is half written"
-        return report(said, INTERRUPTED)
+        kept = "finished papers are kept, nothing is half written"
+        return report(f"interrupted; {kept}", INTERRUPTED)
     except Exception as error:
-        said = f"{type(error).__name__}: {error}; this is a bug, --debug shows where"
-        return report(said, FAILED)
+        bug = "this is a bug, --debug shows where"
+        return report(f"{type(error).__name__}: {error}; {bug}", FAILED)
 
 
 def _report(error, code, debug=False):
@@ -88,17 +79,14 @@ def _report(error, code, debug=False):
 @contextlib.contextmanager
 def _figures(folder):
     """The folder of --figures is the one whose products are read."""
-    before = os.environ.get("TBDCORE_FIGURES")
-    if folder is not None:
-        if not Path(folder).is_dir():
-            raise CommandError(f"--figures {folder}: no such folder; give one that holds products")
-        os.environ["TBDCORE_FIGURES"] = folder
+    before = os.environ.get("TBDCORE_FIGURES", "")
+    if folder is not None and not Path(folder).is_dir():
+        raise CommandError(f"--figures {folder}: no such folder; give one that holds products")
+    os.environ["TBDCORE_FIGURES"] = before if folder is None else folder
     try:
         yield
     finally:
-        if folder is not None:
-            os.environ.pop("TBDCORE_FIGURES")
-            os.environ.update({"TBDCORE_FIGURES": before} if before else {})
+        os.environ["TBDCORE_FIGURES"] = before
 
 
 # Words of the command line ---------------------------------------------------------------------
@@ -110,15 +98,9 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message):
         wrong = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
         if wrong:
-            advice = f"the nearest is {_nearest(wrong[1], re.findall(r'[a-z]+', wrong[2]))!r}"
-            message = f"there is no command {wrong[1]!r}; {advice}"
+            near = claims.nearest(wrong[1], re.findall(r"[a-z]+", wrong[2]))
+            message = f"there is no command {wrong[1]!r}; the nearest is {near!r}"
         raise CommandError(f"{message}; see: {self.prog} --help")
-
-
-def _nearest(word, words):
-    from tbdcore.repro import claims
-
-    return claims.nearest(word, words)
 
 
 def _parse(words):
@@ -128,8 +110,8 @@ def _parse(words):
     if unknown:
         own = parsers[arguments.name]
         known = [option for action in own._actions for option in action.option_strings]
-        advice = f"the nearest is {_nearest(unknown[0], known)}; " if unknown[0][0] == "-" else ""
-        own.error(f"{' '.join(unknown)}: not understood; {advice}".rstrip("; "))
+        near = f"; the nearest is {claims.nearest(unknown[0], known)}"
+        own.error(f"{' '.join(unknown)}: not understood{near if unknown[0][0] == '-' else ''}")
     return arguments
 
 
@@ -142,10 +124,7 @@ def _parsers():
     parser = _Parser(prog="tbdcore", description=about, epilog=after, **look)
     parser.add_argument("--version", action="version", version=f"tbdcore {tbdcore.__version__}")
     parser.add_argument("--debug", **debug)
-    group = parser.add_subparsers(
-        required=True, metavar="command", parser_class=_Parser, dest="name"
-    )
-    parsers = {}
+    group, parsers = parser.add_subparsers(required=True, metavar="command", dest="name"), {}
 
     def command(function, help, *examples):
         name = function.__name__.strip("_")
@@ -159,8 +138,7 @@ def _parsers():
     examples = ("", "track_cfar dp_tbd", "mda_tbd -p n_trials=20 -p seed=3", "--quick --resume")
     add = command(_run, "execute notebooks; all if none is named", *examples)
     add("papers", nargs="*", metavar="PAPER")
-    _add_running(add)
-    add("--out", metavar="DIR", help="folder for the products instead of figures/")
+    _add_running(add, "folder for the products instead of figures/")
     add("--in-place", action="store_true", help="refresh the committed notebooks as well")
 
     help = "execute one notebook for each value of a parameter; tables of all verdicts"
@@ -168,14 +146,11 @@ def _parsers():
     add = command(_sweep, help, *examples)
     add("paper", metavar="PAPER")
     add("values", metavar="name=v1,v2,...", help="one parameter; between lists write ;")
-    _add_running(add)
-    add("--out", metavar="DIR", help="folder for tables and products, not build/sweep/PAPER")
+    _add_running(add, "folder for tables and products, not build/sweep/PAPER")
 
-    def add_figures():
-        add("--figures", metavar="DIR", help="folder with the products, instead of figures/")
-
+    where = {"metavar": "DIR", "help": "folder with the products, instead of figures/"}
     add = command(_score, "write the scorecard of all papers", "", "--check", "--figures build/run")
-    add_figures()
+    add("--figures", **where)
     add("--check", action="store_true", help="write nothing; fail when a file is stale")
 
     help = "caption, files and BibTeX of a figure or table; without a name the ids of all"
@@ -185,24 +160,24 @@ def _parsers():
     for form, said in FORMS.items():
         store = {"dest": "form", "action": "store_const", "const": form, "default": ""}
         forms.add_argument(f"--{form}", help=said, **store)
-    add_figures()
+    add("--figures", **where)
 
     help = "what a file is, what made it, and whether that has changed since"
     add = command(_which, help, "report/picture.pdf", "figures/track_cfar/table2.csv")
     add("file", metavar="FILE", help="a product of tbdcore, wherever it is now")
-    add_figures()
+    add("--figures", **where)
 
     help = "the papers; of one paper its parameters, figures and tables"
     add = command(_list, help, "", "track_cfar")
     add("paper", nargs="?", metavar="PAPER")
-    add_figures()
+    add("--figures", **where)
 
     command(_doctor, "whether this machine can run it all, with a self-test", "")
     return parser, parsers
 
 
-def _add_running(add):
-    """The options that every execution has."""
+def _add_running(add, out):
+    add("--out", metavar="DIR", help=out)
     given = {"dest": "given", "action": "append", "default": [], "metavar": "name=value"}
     add("-p", help="set a parameter; tbdcore list PAPER shows them", **given)
     add("--quick", action="store_true", help="few trials, into build/; never touches figures/")
@@ -218,8 +193,6 @@ def _add_running(add):
 
 def _run(arguments):
     """Execute some notebooks; one that fails does not stop the others."""
-    from tbdcore.repro import batch, pages
-
     named = arguments.papers or (pages.papers() if arguments.given else pages.everything())
     jobs = {paper: _values(paper, arguments) for paper in named}
     changed = arguments.given or arguments.quick or arguments.out or arguments.resume
@@ -241,29 +214,23 @@ def _run(arguments):
 
 
 def _sweep(arguments):
-    """Run one notebook for each value of a parameter."""
-    from tbdcore.repro import batch, pages
-
     paper, (name, _, text) = arguments.paper, arguments.values.partition("=")
-    known, said = pages.parameters(paper), ""
+    known, runs, wrong = pages.parameters(paper), [], ""
     if paper not in pages.papers():
-        said = f"{paper}: it has no verdicts; sweep one of {', '.join(pages.papers())}"
+        wrong = f"{paper}: it has no verdicts; sweep one of {', '.join(pages.papers())}"
     elif not text:
-        said = f"{arguments.values}: write the parameter and its values as name=v1,v2"
+        wrong = f"{arguments.values}: write the parameter and its values as name=v1,v2"
     elif name in pages.PLUMBING:
-        said = f"{name}: it cannot change a result; sweep another parameter"
-    if said:
-        raise CommandError(f"sweep {said}")
-    listed = text.split(";" if name in known and known[name].type == "list" else ",")
-    runs = []
-    for value in listed:
+        wrong = f"{name}: it cannot change a result; sweep another parameter"
+    if wrong:
+        raise CommandError(f"sweep {wrong}")
+    for value in text.split(";" if name in known and known[name].type == "list" else ","):
         values = _values(paper, arguments, f"{name}={value}")
         if any(values[name] == earlier[name] for _, earlier in runs):
             raise CommandError(f"sweep {name}: {value} is given twice; give each value once")
         runs.append((value, values))
     _find_clusters([values for _, values in runs], arguments)
-    folder = paths.BUILD / "sweep" / paper
-    folder = pages.usable(arguments.out) if arguments.out else folder
+    folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / paper
     options = _options(arguments)
     results = batch.sweep(paper, name, runs, folder, **options)
     ended = [_result(arguments, paper, partial(next, results)).status for _ in runs]
@@ -283,8 +250,8 @@ def _result(arguments, paper, run):
     try:
         result = run()
     except KeyboardInterrupt:
+        ended = {"paper": paper, "status": INTERRUPTED, "error": "interrupted"}
         if arguments.json:
-            ended = {"paper": paper, "status": INTERRUPTED, "error": "interrupted"}
             print(json.dumps(ended), flush=True)
         raise
     if arguments.json:
@@ -295,19 +262,13 @@ def _result(arguments, paper, run):
 
 
 def _values(paper, arguments, *more):
-    """The checked parameters of one notebook that the command line sets.
-
-    Its claims file and the folder for its products are checked as well.
-    """
-    from tbdcore.repro import claims, pages
-
+    """The parameters that the command line sets, checked with claims file and output folder."""
     known = pages.parameters(paper)
     if paper in claims.papers() or paper in pages.papers():
         claims.read(paper)
     values = {}
     if arguments.quick:
-        quick = {name: parameter.quick for name, parameter in known.items()}
-        values = {name: value for name, value in quick.items() if value is not None}
+        values = {name: one.quick for name, one in known.items() if one.quick is not None}
         values["out"] = str(paths.BUILD / "quick")
     options = {name: getattr(arguments, name) for name in pages.PLUMBING}
     values |= {name: value for name, value in options.items() if value is not None}
@@ -324,10 +285,8 @@ def _values(paper, arguments, *more):
     paths.BUILD.mkdir(exist_ok=True)
     folder = pages.usable(values.get("out") or paths.figures())
     if changed and folder == paths.PRODUCTS.resolve():
-        raise CommandError(
-            f"--out {values['out']}: the repository's figures are for default parameters; "
-            f"give these another folder: build/try"
-        )
+        advice = "give these another folder: build/try"
+        raise CommandError(f"--out {values['out']}: {pages.ONLY_DEFAULTS}; {advice}")
     return values | {"out": str(folder)} if values.get("out") else values
 
 
@@ -344,14 +303,9 @@ def _value(text, kind):
 
 
 def _find_clusters(jobs, arguments):
-    """Say what the dask clusters that some sets of parameters name have; raise without one."""
-    from tbdcore.repro import trials
-
+    """Say what the dask clusters that some sets of parameters name have."""
     for address in {values.get("scheduler", "") for values in jobs} - {""}:
-        try:
-            workers, threads = trials.cluster(address)
-        except ConnectionError as error:
-            raise CommandError(error, ENVIRONMENT) from None
+        workers, threads = trials.cluster(address)
         _options(arguments)["say"](f"scheduler {address}: workers {workers}, threads {threads}")
 
 
@@ -360,7 +314,7 @@ def _find_clusters(jobs, arguments):
 
 def _score(arguments):
     """Write the scorecard's files; fail when a claim is missing or its verdict has changed."""
-    from tbdcore.repro import claims, scorecard
+    from tbdcore.repro import scorecard
 
     folder = paths.figures()
     for paper in claims.papers():
@@ -373,7 +327,8 @@ def _score(arguments):
     except (ValueError, FileNotFoundError) as error:
         raise CommandError(error, FAILED) from None
     files = scorecard.files(folder, readme=not arguments.figures)
-    changes, stale = scorecard.changes(folder), scorecard.stale(files)
+    changes = scorecard.changes(folder)
+    stale = [path.name for path in files if not path.is_file() or path.read_bytes() != files[path]]
     print(files[folder / "scorecard.md"].decode(), end="")
     if arguments.check and stale:
         advice = "not what the verdicts say; run: tbdcore score"
@@ -388,8 +343,6 @@ def _score(arguments):
 
 def _cite(arguments):
     """What a report needs of a figure or table; the ids of a paper's, or of all."""
-    from tbdcore.repro import cite, pages
-
     if "/" in arguments.id:
         print(cite.text(arguments.id, arguments.form), end="")
     elif arguments.form == "bibtex":
@@ -404,8 +357,6 @@ def _cite(arguments):
 
 def _captions(papers):
     """Ids and captions of the products of some papers."""
-    from tbdcore.repro import cite, pages
-
     missing = [paper for paper in papers if pages.path(paper) and not cite.ids(paper)]
     if missing == list(papers):
         made = f"make them: tbdcore run {papers[0] if len(papers) == 1 else ''}"
@@ -416,8 +367,6 @@ def _captions(papers):
 
 def _which(arguments):
     """What a file is; fails when the sources that made it have changed."""
-    from tbdcore.repro import cite
-
     text, current = cite.which(Path(arguments.file))
     print(text, end="")
     return GOOD if current else FAILED
@@ -425,8 +374,6 @@ def _which(arguments):
 
 def _list(arguments):
     """The papers; of one paper its parameters, and its products with captions."""
-    from tbdcore.repro import cite, pages
-
     topics = {paper: about["topic"] for paper, about in cite.papers().items()}
     if arguments.paper is None:
         for paper in pages.everything():

@@ -20,6 +20,7 @@ from packaging.markers import Marker
 
 from tbdcore.repro import paths, trials
 
+NAMES = "doctor", "self-test"  # of its random streams
 STREAM = 0x052D27BA31D1AF10  # first output of the stream (seed 20, trial 0)
 LOCKED = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;\\]+)\s*(?:;\s*([^\\]+?))?\s*\\?$", re.MULTILINE)
 
@@ -46,33 +47,24 @@ def _install():
 
 def locked(text):
     """Versions by distribution that a lock has for this Python and machine."""
-    return {
-        name: version
-        for name, version, marker in LOCKED.findall(text)
-        if not marker or Marker(marker).evaluate()
-    }
+    pins = LOCKED.findall(text)
+    return {name: pin for name, pin, marker in pins if not marker or Marker(marker).evaluate()}
 
 
 def packages():
     """Every distribution against the lock."""
-    wanted = locked(paths.LOCK.read_text(encoding="utf-8"))
-    have = {name: _version(name) for name in wanted}
-    wrong = [
-        f"{name} is {have[name] or 'missing'}, the lock has {wanted[name]}"
-        for name in wanted
-        if have[name] != wanted[name]
-    ]
+    wanted, wrong = locked(paths.LOCK.read_text(encoding="utf-8")), []
+    for name, version in wanted.items():
+        try:
+            have = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            have = "missing"
+        if have != version:
+            wrong.append(f"{name} is {have}, the lock has {version}")
     if wrong:
         more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
         raise Problem(f"{', '.join(wrong[:3])}{more}; {_install()}")
     return f"Python {sys.version.split()[0]}, {len(wanted)} distributions as in {paths.LOCK.name}"
-
-
-def _version(name):
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def jupyter_kernel():
@@ -87,25 +79,14 @@ def jupyter_kernel():
     return f"python3 runs {program if os.path.isabs(program) else sys.executable}"
 
 
-def cores():
-    """Cores that this process may use."""
-    return f"{trials.cores()}; choose fewer with --workers"
-
-
 def folders():
     """The folders that runs write into."""
-    places = [
-        paths.figures(),
-        paths.BUILD,
-        Path(jupyter_runtime_dir()),
-        Path(tempfile.gettempdir()),
-    ]
+    own = [paths.figures(), paths.BUILD]
+    places = [*own, Path(jupyter_runtime_dir()), Path(tempfile.gettempdir())]
     for place in places:
         if not _writable(place):
-            raise Problem(
-                f"{place} cannot be written; change its permissions, or give runs another folder: "
-                f"tbdcore run --out DIR"
-            )
+            advice = "change its permissions, or give runs another folder: tbdcore run --out DIR"
+            raise Problem(f"{place} cannot be written; {advice}")
     return f"{', '.join(map(str, places))} can be written"
 
 
@@ -137,38 +118,32 @@ def self_test():
     """Three calculations whose results are known."""
     from tbdcore import kalman
 
-    first = int(_stream(20, 0).bit_generator.random_raw())
+    first = trials.generator(20, *NAMES, 0, "noise").bit_generator.random_raw()
     if first != STREAM:
         raise Problem(f"a random stream begins with {first:#x}, not with {STREAM:#x}; {_install()}")
     # covariance of a white acceleration of density q: q T^3/3, q T^2/2, q T
     _, P = kalman.predict_cv(np.zeros(4), np.zeros((4, 4)), 2.0, 3.0)
     if not np.array_equal(P[:2, :2], [[8.0, 6.0], [6.0, 6.0]]) or P[:2, 2:].any():
-        raise Problem(
-            f"a compiled kernel gives {P[:2, :2].tolist()} instead of [[8, 6], [6, 6]]; "
-            f"remove {paths.PACKAGE}/__pycache__"
-        )
+        wrong = f"gives {P[:2, :2].tolist()} instead of [[8, 6], [6, 6]]"
+        raise Problem(f"a compiled kernel {wrong}; remove {paths.PACKAGE}/__pycache__")
     one, two = (trials.run(_draw, 64, seed=20, workers=workers) for workers in (1, 2))
     if one.tobytes() != two.tobytes():
         raise Problem(f"one process and two give different numbers; {_install()}")
     return "the random stream, a compiled kernel, and one process against two give known results"
 
 
-def _stream(seed, i):
-    return trials.generator(seed, "doctor", "self-test", i, "noise")
-
-
 def _draw(seed, i):
     """Covariance of a random state, two seconds later."""
     from tbdcore import kalman
 
-    rng = _stream(seed, i)
+    rng = trials.generator(seed, *NAMES, i, "noise")
     return kalman.predict_cv(rng.standard_normal(4), np.diag(rng.random(4)), 2.0, 3.0)[1]
 
 
 CHECKS = {
     "packages": packages,
     "Jupyter kernel": jupyter_kernel,
-    "cores": cores,
+    "cores": lambda: f"{trials.cores()}; choose fewer with --workers",
     "folders": folders,
     "compiled code": compiled_code,
     "self-test": self_test,

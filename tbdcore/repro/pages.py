@@ -30,7 +30,6 @@ import contextlib
 import dataclasses
 import io
 import json
-import keyword
 import logging
 import math
 import os
@@ -53,7 +52,7 @@ PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a re
 # modules that every product passes through
 EVERYWHERE = "from tbdcore.repro import claims, figures, products, screen, trials"
 LARGEST = 2**63  # integers are below, so that any program can read them in a record
-COMMON = ("seed", "n_trials", *PLUMBING)
+ONLY_DEFAULTS = "the repository's figures are for default parameters"
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -73,37 +72,25 @@ class Parameter:
     increasing: bool = False
 
     def coerce(self, value):
-        """The value in the parameter's type; raises ValueError when it has another type or lies
-        outside the range.
-        """
+        """The value in the parameter's type; ValueError for another type, or out of range."""
         if self.type == "float" and isinstance(value, int) and not isinstance(value, bool):
             with contextlib.suppress(OverflowError):
                 value = float(value)
         shown = reprlib.repr(value)
         if self.type == "int" and isinstance(value, float) and value.is_integer():
             value = int(value)  # papermill hands 1e3 over as a float
+        numbers = {"int": [value], "float": [value], "list": value}.get(self.type, [])
         if type(value) is not TYPES[self.type]:
-            raise ValueError(
-                f"parameter {self.name}: {shown} is {type(value).__name__}; give {self.type}, "
-                f"like {self.default!r}"
-            )
-        if self.type in ("int", "float", "list") and not all(
-            map(self._inside, value if self.type == "list" else [value])
-        ):
-            raise ValueError(
-                f"parameter {self.name}: {shown} is out of range; give {self.meaning}, "
-                f"in {self.range()}"
-            )
-        if self.choices and value not in self.choices:
-            raise ValueError(
-                f"parameter {self.name}: {shown} is none of {', '.join(map(repr, self.choices))}"
-            )
-        if self.increasing and (not value or any(a >= b for a, b in pairwise(value))):
-            raise ValueError(
-                f"parameter {self.name}: {shown} does not increase; give at least one number, "
-                f"the smallest first"
-            )
-        return value
+            wrong = f"is {type(value).__name__}; give {self.type}, like {self.default!r}"
+        elif not all(map(self._inside, numbers)):
+            wrong = f"is out of range; give {self.meaning}, in {self.range()}"
+        elif self.choices and value not in self.choices:
+            wrong = f"is none of {', '.join(map(repr, self.choices))}"
+        elif self.increasing and (not value or any(a >= b for a, b in pairwise(value))):
+            wrong = "does not increase; give at least one number, the smallest first"
+        else:
+            return value
+        raise ValueError(f"parameter {self.name}: {shown} {wrong}")
 
     def range(self):
         """The range as it is written in the cell."""
@@ -125,33 +112,28 @@ class Parameter:
         return above and below
 
 
+def _notebooks():
+    """Every notebook by the name of its paper, in their order."""
+    return {file.stem[3:]: file for file in sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))}
+
+
 def papers():
     """Names of the papers in the order of their notebooks."""
-    return [
-        path.stem[3:]
-        for path in sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
-        if not path.stem.startswith("00")
-    ]
+    return [paper for paper, file in _notebooks().items() if not file.name.startswith("00")]
 
 
 def everything():
     """The papers, and after them the index, which reads their verdicts."""
-    return papers() + [path.stem[3:] for path in sorted(paths.NOTEBOOKS.glob("00_*.ipynb"))]
+    return sorted(_notebooks(), key=lambda name: name not in papers())
 
 
 def path(paper):
     """The notebook of a paper; raises ValueError, with the nearest name, when there is none."""
-    found = [
-        file
-        for file in sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
-        if file.stem[3:] == paper
-    ]
-    if not found:
-        raise ValueError(
-            f"paper {paper!r}: there is no such notebook; "
-            f"the nearest is {nearest(paper, papers())!r} of {', '.join(papers())}"
-        )
-    return found[0]
+    known = _notebooks()
+    if paper not in known:
+        advice = f"the nearest is {nearest(paper, papers())!r} of {', '.join(papers())}"
+        raise ValueError(f"paper {paper!r}: there is no such notebook; {advice}")
+    return known[paper]
 
 
 def cells(paper, tag=None):
@@ -166,10 +148,8 @@ def cells(paper, tag=None):
         tags = [cell["metadata"].get("tags", ()) for cell in code]
         sources = ["".join(cell["source"]) for cell in code]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ValueError(
-            f"{file.name}: no notebook ({type(error).__name__}: {error}); "
-            "take it from the repository again"
-        ) from None
+        wrong = f"no notebook ({type(error).__name__}: {error})"
+        raise ValueError(f"{file.name}: {wrong}; take it from the repository again") from None
     return [source for source, own in zip(sources, tags, strict=True) if tag is None or tag in own]
 
 
@@ -186,65 +166,49 @@ def page(paper):
     with _ONE_AT_A_TIME:  # a worker may have threads, and all of them may ask for the page at once
         if name in sys.modules and sys.modules[name].__source__ == source:
             return sys.modules[name]
-        file = paths.BUILD / "pages" / f"{paper}_{products.digest([source.encode()])}.py"
+        file = _written(f"{paper}_{products.digest([source.encode()])}.py", source.encode())
         module = types.ModuleType(name, f"The algorithm cells of {path(paper).name}.")
-        module.__file__, module.__source__ = str(_written(file, source)), source
+        module.__file__, module.__source__ = str(file), source
         exec(compile(source, module.__file__, "exec"), module.__dict__)
         sys.modules[name] = module
         cloudpickle.register_pickle_by_value(module)
     return module
 
 
-def _written(file, source):
-    """A file of the source, which Numba's cache and tracebacks need; where it cannot be written,
-    one that the machine forgets.
-    """
+def _written(name, source):
+    """A file of the source, for Numba's cache and tracebacks: in build/ if that can be written."""
+    folder = paths.BUILD / "pages"
     try:
-        if not file.is_file():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            part = file.with_suffix(f".{os.getpid()}.part")
-            part.write_text(source, encoding="utf-8")
-            os.replace(part, file)
+        if not (folder / name).is_file():
+            products.write(folder, {name: source})
     except OSError:
-        file = Path(tempfile.mkdtemp(prefix="tbdcore_")) / file.name
-        file.write_text(source, encoding="utf-8")
-    return file
+        folder = Path(tempfile.mkdtemp(prefix="tbdcore_"))
+        products.write(folder, {name: source})
+    return folder / name
 
 
 def parameters(paper):
     """The parameters of a notebook by name, read from its cell without running it."""
     found = cells(paper, "parameters")
     if len(found) != 1:
-        raise ValueError(
-            f"{path(paper).name}: {len(found)} cells are tagged 'parameters'; there must be one"
-        )
+        wrong = f"{len(found)} cells are tagged 'parameters'; there must be one"
+        raise ValueError(f"{path(paper).name}: {wrong}")
     try:
-        comments, lines = _comments(found[0]), []
+        tokens, lines = tokenize.generate_tokens(io.StringIO(found[0]).readline), []
+        comments = {one.start[0]: one.string for one in tokens if one.type == tokenize.COMMENT}
         for node in ast.parse(found[0]).body:  # a long line may have been wrapped in brackets
             said = [comments.get(line) for line in range(node.lineno, node.end_lineno + 1)]
-            lines.append(_parameter(node, next(filter(None, said), "")))
+            lines.append(_parameter(node, next(filter(None, said), "")[1:].strip()))
     except (ValueError, SyntaxError, AttributeError, TypeError, tokenize.TokenError) as error:
         raise ValueError(f"{path(paper).name}: its parameters cell is damaged: {error}") from None
     return {parameter.name: parameter for parameter in lines}
 
 
-def _comments(source):
-    """Comments of a source by line number."""
-    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-    return {
-        token.start[0]: token.string[1:].strip()
-        for token in tokens
-        if token.type == tokenize.COMMENT
-    }
-
-
 def _parameter(node, comment):
     """One line of a parameters cell: an annotated assignment and its comment."""
     if not isinstance(node, ast.AnnAssign) or node.annotation.id not in TYPES:
-        raise ValueError(
-            f"parameters cell, line {node.lineno}: write `name: type = default  # meaning`, "
-            f"type one of {', '.join(TYPES)}"
-        )
+        advice = f"write `name: type = default  # meaning`, type one of {', '.join(TYPES)}"
+        raise ValueError(f"parameters cell, line {node.lineno}: {advice}")
     fields = {"meaning": comment.partition(";")[0], "increasing": "; increasing" in comment}
     if match := re.search(r"in ([\[(])\s*(\S+),\s*(\S+?)\s*([\])])", comment):
         fields |= {"low": float(match[2]), "high": float(match[3]), "ends": match[1] + match[4]}
@@ -256,16 +220,12 @@ def _parameter(node, comment):
 
 
 def validate(paper, given):
-    """The given parameters, coerced; raises ValueError for an unknown name, a wrong type or a value
-    out of range.
-    """
+    """The given parameters, coerced; ValueError for an unknown name or a value that is bad."""
     known = parameters(paper)
     for name in given:
         if name not in known:
-            raise ValueError(
-                f"parameter {name!r}: {paper} has none of this name; "
-                f"the nearest is {nearest(name, known)!r}"
-            )
+            advice = f"the nearest is {nearest(name, known)!r}"
+            raise ValueError(f"parameter {name!r}: {paper} has none of this name; {advice}")
     return {name: known[name].coerce(value) for name, value in given.items()}
 
 
@@ -275,75 +235,35 @@ def begin(paper, namespace):
 
     Checks every parameter (a misspelt one is a plain variable that is no parameter), puts coerced
     values back into `namespace`, and makes sure that the output folder can be written before any
-    kernel starts.
-
-    Returns
-    -------
-    ledger : tbdcore.repro.claims.Ledger
-        None for the index, which judges no paper.
-    portfolio : tbdcore.repro.figures.Portfolio
+    kernel starts.  Returns a :class:`tbdcore.repro.claims.Ledger`, or None for the index, which
+    judges no paper, and a :class:`tbdcore.repro.figures.Portfolio`.
     """
     from tbdcore.repro import figures
 
     known = parameters(paper)
-    for name, value in namespace.items():
-        if name not in known and _plain_variable(name, value):
-            raise ValueError(
-                f"parameter {name!r}: {paper} has none of this name; "
-                f"the nearest is {nearest(name, known)!r}"
-            )
-    values = validate(paper, {name: namespace[name] for name in known})
+    plain = [name for name in namespace if isinstance(namespace[name], int | float | str | list)]
+    others = [name for name in plain if not name.startswith("_") and name != "In"]
+    values = validate(paper, {name: namespace[name] for name in (*known, *others)})
     namespace.update(values)
     shown = {name: value for name, value in values.items() if name not in PLUMBING}
     default = all(value == known[name].default for name, value in shown.items())
     folder = usable(values["out"] or paths.figures())
     if not default and folder == paths.PRODUCTS.resolve():
-        raise ValueError(
-            f"{paper}: the repository's figures are for default parameters; "
-            "give these ones a folder: out='build/try'"
-        )
-    provenance = {
-        "parameters": shown,
-        "seed": values["seed"],
-        "trials": values["n_trials"],
-        "digest": digest(paper),
-        "remake": remake(paper, values),
-        "versions": products.versions(),
-    }
+        raise ValueError(f"{paper}: {ONLY_DEFAULTS}; give these ones a folder: out='build/try'")
+    provenance = {"parameters": shown, "seed": values["seed"], "trials": values["n_trials"]}
+    provenance |= {"digest": digest(paper), "remake": remake(paper, values)}
+    provenance["versions"] = products.versions()
     ledger = claims.Ledger(paper, strict=default) if paper in papers() else None
     return ledger, figures.Portfolio(paper, folder, provenance, background=trials.cores() > 1)
 
 
 def remake(paper, values):
     """The command that runs a notebook with these parameters."""
-    known = parameters(paper)
-    changed = {
-        name: values[name]
-        for name in known
-        if name not in PLUMBING and values[name] != known[name].default
-    }
-    written = {
-        name: value if isinstance(value, str) else json.dumps(value)
-        for name, value in changed.items()
-    }
-    return shlex.join(
-        [
-            "tbdcore",
-            "run",
-            paper,
-            *(part for name, text in written.items() for part in ("-p", f"{name}={text}")),
-        ]
-    )
-
-
-def _plain_variable(name, value):
-    """Whether a notebook's variable looks like a parameter that somebody set."""
-    own = name.startswith("_") or name in ("In", "Out", "exit", "quit")
-    return (
-        not own
-        and not keyword.iskeyword(name)
-        and isinstance(value, int | float | str | bool | list)
-    )
+    words = ["tbdcore", "run", paper]
+    for name, parameter in parameters(paper).items():
+        if name not in PLUMBING and (value := values[name]) != parameter.default:
+            words += ["-p", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
+    return shlex.join(words)
 
 
 def usable(out):
@@ -355,26 +275,22 @@ def usable(out):
     folder = Path(out)
     advice = "give a folder that can be written, such as build/try"
     if folder.is_absolute() and not folder.parent.is_dir():
-        raise ValueError(
-            f"output folder {out}: its parent folder does not exist; make it, or {advice}"
-        )
+        wrong = "its parent folder does not exist; make it, or"
+        raise ValueError(f"output folder {out}: {wrong} {advice}")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".probe-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
+        tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
         raise ValueError(f"output folder {out}: {error.strerror}; {advice}") from None
     return folder.resolve()
 
 
 def digest(paper):
-    """Short hash of the meaning of what makes a paper's products.
-
-    It covers the parsed code of the notebook and of the package's modules that it imports, and the
-    claims file but for its causes; for the index, also the verdicts and data that it shows.
+    """Short hash of the meaning of what makes a paper's products: the parsed code of notebook and
+    imported modules, and the claims file but for its causes; for the index also what it shows.
     """
-    code = [_python(cell) for cell in cells(paper)]
+    every = [cell.splitlines() for cell in cells(paper)]
+    code = ["\n".join(line for line in cell if line[:1] not in ("%", "!")) for cell in every]
     try:
         parts = [products.meaning(cell) for cell in code]
     except SyntaxError as error:
@@ -386,11 +302,6 @@ def digest(paper):
     if paper in claims.papers():
         parts += ["\0".join(row[:-1]) for row in claims.read(paper).values()]  # the cause is last
     return products.digest([part.encode() for part in parts])
-
-
-def _python(cell):
-    """A cell without the lines that are not Python."""
-    return "\n".join(line for line in cell.splitlines() if not line.startswith(("%", "!")))
 
 
 def _shown(paper, code):
@@ -406,16 +317,8 @@ def execute(paper, given, output):
     """Run a notebook through papermill with checked parameters.
 
     The executed notebook appears at `output` when the run has succeeded; after a failure it is left
-    beside it as ``*.failed.ipynb``.
-
-    Raises
-    ------
-    ValueError
-        Bad parameters; nothing has started.
-    RuntimeError
-        A cell failed, or the kernel died; one line that says which and why.
-    OSError
-        There is no kernel to run in.
+    beside it as ``*.failed.ipynb``.  Raises ValueError for bad parameters, before anything starts,
+    RuntimeError when a cell fails or the kernel dies, OSError when there is no kernel to run in.
     """
     from jupyter_client.kernelspec import NoSuchKernel
     from nbclient.exceptions import DeadKernelError
@@ -434,17 +337,14 @@ def execute(paper, given, output):
     except PapermillExecutionError as error:
         failed = failed_at(output)
         os.replace(part, failed)
-        message = re.sub(r"\s+", " ", f"{error.ename}: {error.evalue}")
-        raise RuntimeError(
-            f"{paper}, cell {error.exec_count}: {message}; the run is in {failed}"
-        ) from None
+        where, what = f"{paper}, cell {error.exec_count}", f"{error.ename}: {error.evalue}"
+        said = " ".join(what.split())
+        raise RuntimeError(f"{where}: {said}; the run is in {failed}") from None
     except DeadKernelError:
         raise RuntimeError(f"{paper}: the kernel died; run it again") from None
     except NoSuchKernel:
-        raise OSError(
-            "the Jupyter kernel python3 is not registered; "
-            "make it: python -m ipykernel install --sys-prefix"
-        ) from None
+        make = "make it: python -m ipykernel install --sys-prefix"
+        raise OSError(f"the Jupyter kernel python3 is not registered; {make}") from None
     finally:
         part.unlink(missing_ok=True)
     return output
@@ -462,15 +362,13 @@ def clean(notebook):
     ``hide-input`` is folded in JupyterLab as well, and a picture's alternative text stands in the
     cell's metadata too, where the book looks for it.
     """
-    cells = notebook["cells"] = [
-        cell
-        for cell in notebook["cells"]
-        if "injected-parameters" not in cell["metadata"].get("tags", ())
-    ]
-    for cell in cells:
-        tags = cell["metadata"].get("tags")
-        cell["metadata"] = {"tags": tags} if tags else {}
-        if "hide-input" in (tags or ()):
+    tags = [cell["metadata"].get("tags", []) for cell in notebook["cells"]]
+    pairs = zip(notebook["cells"], tags, strict=True)
+    tagged = [(cell, own) for cell, own in pairs if "injected-parameters" not in own]
+    cells = notebook["cells"] = [cell for cell, _ in tagged]
+    for cell, own in tagged:
+        cell["metadata"] = {"tags": own} if own else {}
+        if "hide-input" in own:
             cell["metadata"]["jupyter"] = {"source_hidden": True}
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     for count, cell in enumerate(code, start=1):

@@ -31,23 +31,15 @@ class NoRepository(OSError):
 
 
 def root():
-    """The folder of the repository.
-
-    Raises NoRepository, in one line that says how to name it, when there is none.
-    """
-    named = os.environ.get("TBDCORE_REPOSITORY")
-    if named:
-        places, where = [Path(named).resolve()], f"TBDCORE_REPOSITORY={named} is none"
-    else:
-        here = Path.cwd()
-        places, where = [PACKAGE.parent, here, *here.parents], "there is none here"
+    """The folder of the repository; NoRepository, saying how to name it, when there is none."""
+    named, here = os.environ.get("TBDCORE_REPOSITORY"), Path.cwd()
+    places = [Path(named).resolve()] if named else [PACKAGE.parent, here, *here.parents]
     for place in places:
         if (place / "notebooks").is_dir() and (place / "data" / "papers.toml").is_file():
             return place
-    raise NoRepository(
-        f"this needs the repository, and {where}; "
-        "go to the folder of a clone, or name it: TBDCORE_REPOSITORY=/path/to/clone"
-    )
+    where = f"TBDCORE_REPOSITORY={named} is none" if named else "there is none here"
+    advice = "go to the folder of a clone, or name it: TBDCORE_REPOSITORY=/path/to/clone"
+    raise NoRepository(f"this needs the repository, and {where}; {advice}")
 
 
 def __getattr__(name):

@@ -18,19 +18,11 @@ def files(folder, readme):
     Raises like :func:`tbdcore.repro.claims.verdicts`.
     """
     every, counts = claims.ledger(folder), products.markdown(claims.scorecard(folder))
-    made = {
-        folder / "scorecard.csv": products.csv(every),
-        folder / "scorecard.md": counts.encode(),
-        folder / "figures.bib": cite.bibliography().encode(),
-        folder / "README.md": cite.gallery().encode(),
-    }
-    return made | ({paths.README: _readme(every).encode()} if readme else {})
-
-
-def stale(made):
-    """Names of the files that are not what they should be."""
-    current = {path for path in made if path.is_file() and path.read_bytes() == made[path]}
-    return [path.name for path in made if path not in current]
+    texts = {folder / "scorecard.md": counts, folder / "figures.bib": cite.bibliography()}
+    texts[folder / "README.md"] = cite.gallery()
+    texts |= {paths.README: _readme(every)} if readme else {}
+    made = {path: text.encode() for path, text in texts.items()}
+    return {folder / "scorecard.csv": products.csv(every)} | made
 
 
 def changes(folder):
@@ -53,10 +45,8 @@ def _readme(every):
     before, _, rest = paths.README.read_text(encoding="utf-8").partition(BEGIN)
     _, found, after = rest.partition(END)
     if not found:
-        raise ValueError(
-            f"README.md: the lines {BEGIN.strip()} and {END} are missing; "
-            "the table of papers goes between them"
-        )
+        lines = f"{BEGIN.strip()} and {END.strip()}"
+        raise ValueError(f"README.md: {lines} are missing; the table of papers goes between them")
     return f"{before}{BEGIN}{products.markdown(_papers(every))}{END}{after}"
 
 
