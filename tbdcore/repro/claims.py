@@ -40,68 +40,41 @@ import hashlib
 import io
 import math
 import re
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
 from tbdcore.repro import paths
 
-COLUMNS = (
-    *("id", "item", "quantity", "conditions", "value", "unit", "kind", "where"),
-    *("rule", "evidence", "cause"),
-)
 KINDS = ("input", "number", "ordering", "trend", "bound", "statement")
 VERDICTS = ("reproduced", "differs", "inconclusive", "untestable", "used")
 EVIDENCE = ("measured", "calibrated", "constructed", "repeats")
+_COUNTED = """-;cells;cell;frame;frames;particles;runs;trials;power;scans (about);not printed;\
+cells/frame;cell/s;1/m^2 (inferred);1/rad^2 (inferred)"""
+_DIMENSIONS = {
+    "number": dict.fromkeys(["", *_COUNTED.split(";")], 1.0),
+    "ratio": {"%": 0.01},
+    "level": {"dB": 1.0},
+    "length": {"m": 1.0, "km": 1e3},
+    "time": {"s": 1.0},
+    "speed": {"m/s": 1.0},
+    "frequency": {"Hz": 1.0, "MHz": 1e6, "GHz": 1e9},
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "turn rate": {"rad/s": 1.0},
+}
 UNITS = {  # printed unit: (dimension, size in the unit the code would use)
-    **dict.fromkeys(
-        ("", "-", "cells", "cell", "frame", "frames", "particles", "runs", "trials", "power"),
-        ("number", 1.0),
-    ),
-    **dict.fromkeys(
-        (
-            "scans (about)",
-            "not printed",
-            "cells/frame",
-            "cell/s",
-            "1/m^2 (inferred)",
-            "1/rad^2 (inferred)",
-        ),
-        ("number", 1.0),
-    ),
-    "%": ("ratio", 0.01),
-    "dB": ("level", 1.0),
-    "m": ("length", 1.0),
-    "km": ("length", 1e3),
-    "s": ("time", 1.0),
-    "m/s": ("speed", 1.0),
-    "Hz": ("frequency", 1.0),
-    "MHz": ("frequency", 1e6),
-    "GHz": ("frequency", 1e9),
-    "rad": ("angle", 1.0),
-    "deg": ("angle", math.pi / 180),
-    "rad/s": ("turn rate", 1.0),
+    unit: (name, size) for name, units in _DIMENSIONS.items() for unit, size in units.items()
 }
 LEVEL = 2.6  # standard errors of a normal law beyond which a difference is no chance
 
 
-class Claim(NamedTuple):
-    """One row of a claims file; every field is the text that stands there."""
-
-    id: str
-    item: str
-    quantity: str
-    conditions: str
-    value: str
-    unit: str
-    kind: str
-    where: str
-    rule: str
-    evidence: str
-    cause: str
+_PRINTED = "id item quantity conditions value unit kind where rule evidence cause"
+Claim = namedtuple("Claim", _PRINTED)  # one row of a claims file, all text
+COLUMNS = Claim._fields
+_SHOWN = "id item quantity published measured se n z luck verdict evidence cause"
 
 
-class Verdict(NamedTuple):
+class Verdict(namedtuple("Verdict", _SHOWN)):
     """One row of verdicts.csv, all text.
 
     `z` is the distance from the print, or the least margin, in standard errors.  `luck` is the
@@ -109,18 +82,7 @@ class Verdict(NamedTuple):
     shown where an ordering differs or is open.  `cause` says why it differs or is untestable.
     """
 
-    id: str
-    item: str
-    quantity: str
-    published: str
-    measured: str
-    se: str
-    n: str
-    z: str
-    luck: str
-    verdict: str
-    evidence: str
-    cause: str
+    __slots__ = ()
 
     def __repr__(self):
         spread = f" ± {self.se}" if self.se else ""
@@ -141,37 +103,32 @@ def papers(folder=None):
 def read(paper, folder=None):
     """Claims of a paper by id.
 
-    Raises ValueError, naming file, row and column, for a file that a spreadsheet has touched
-    (byte-order mark, CRLF, semicolons, a lost column), a duplicate id, an unknown kind, unit or
-    word of evidence, a number that is none, and a row that is judged without rule or evidence;
-    FileNotFoundError when the paper has no file.
+    Raises FileNotFoundError when the paper has no file, and ValueError, naming file, row and
+    column, for one that a spreadsheet has touched or a row that breaks the rules above.
     """
     path = (folder or paths.CLAIMS) / f"{paper}.csv"
     if not path.is_file():
-        raise FileNotFoundError(
-            f"{path.name}: no claims file of this name under data/claims; papers: "
-            f"{', '.join(papers(folder))}"
-        )
+        known = ", ".join(papers(folder))
+        raise FileNotFoundError(f"{path.name}: no claims file under data/claims; papers: {known}")
     claims = {}
     for number, row in enumerate(_rows(path)[1:], start=2):
-        claim = _claim(path.name, number, row)
-        if claim.id in claims:
-            raise ValueError(_where(path.name, number, "id", f"{claim.id!r} stands there twice"))
-        claims[claim.id] = claim
+        column, wrong = _complaint(row)
+        if not wrong and row[0] in claims:
+            column, wrong = "id", f"{row[0]!r} stands there twice"
+        if wrong:
+            raise _fault(path.name, number, column, wrong)
+        claims[row[0]] = Claim(*row)
+    originals = {id for id, claim in claims.items() if not claim.evidence.startswith("repeats")}
     for number, claim in enumerate(claims.values(), start=2):
         word, _, original = claim.evidence.partition(" ")
-        if word == "repeats" and (
-            original not in claims or claims[original].evidence.startswith("repeats")
-        ):
+        if word == "repeats" and original not in originals:
             wrong = "repeats another row itself" if original in claims else "is no row"
-            raise ValueError(
-                _where(path.name, number, "evidence", f"{original!r} {wrong}; name the original")
-            )
+            raise _fault(path.name, number, "evidence", f"{original!r} {wrong}; name the original")
     return claims
 
 
-def _where(name, number, column, wrong):
-    return f"{name}, row {number}, column {column}: {wrong}"
+def _fault(name, number, column, wrong):
+    return ValueError(f"{name}, row {number}, column {column}: {wrong}")
 
 
 def _rows(path):
@@ -179,66 +136,47 @@ def _rows(path):
     raw = path.read_bytes()
     repair = "save it as plain CSV: UTF-8 without byte-order mark, LF line ends, commas"
     if raw.startswith(b"\xef\xbb\xbf"):
-        raise ValueError(
-            _where(path.name, 1, "id", f"the file begins with a byte-order mark; {repair}")
-        )
+        raise _fault(path.name, 1, "id", f"the file begins with a byte-order mark; {repair}")
     if b"\r" in raw:
         line = raw[: raw.index(b"\r")].count(b"\n") + 1
-        raise ValueError(f"{path.name}, row {line}, last column: the line ends in CR; {repair}")
+        raise _fault(path.name, line, COLUMNS[-1], f"the line ends in CR; {repair}")
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
-        raise ValueError(
-            f"{path.name}, row {line}: not UTF-8 (byte {raw[error.start]:#x}); {repair}"
-        ) from None
+        wrong = f"not UTF-8 (byte {raw[error.start]:#x})"
+        raise ValueError(f"{path.name}, row {line}: {wrong}; {repair}") from None
     reader = csv.reader(io.StringIO(text), strict=True)
     try:
         rows = list(reader)
     except csv.Error as error:
-        raise ValueError(
-            f"{path.name}, row {reader.line_num}: {error}; "
-            "look for a quotation mark without its partner"
-        ) from None
-    header = tuple(rows[0]) if rows else ()
+        wrong = f"{error}; look for a quotation mark without its partner"
+        raise ValueError(f"{path.name}, row {reader.line_num}: {wrong}") from None
+    header, wanted = tuple(rows[0]) if rows else (), ",".join(COLUMNS)
     for column in COLUMNS:
         if column not in header:
-            raise ValueError(
-                _where(path.name, 1, column, f"missing; the header is {','.join(COLUMNS)}")
-            )
+            raise _fault(path.name, 1, column, f"missing; the header is {wanted}")
     if header != COLUMNS:
-        raise ValueError(
-            f"{path.name}, row 1: the columns are {','.join(header)}; "
-            f"they must be {','.join(COLUMNS)}"
-        )
+        wrong = f"the columns are {','.join(header)}; they must be {wanted}"
+        raise ValueError(f"{path.name}, row 1: {wrong}")
     return rows
 
 
 _DIFFERENCE = re.compile(r"\b(gain|loss|saving|advantage|reduction|ratio|difference)\b")
 
 
-def _claim(name, number, row):
-    """One validated row."""
+def _complaint(row):
+    """A column of a row and what is wrong in it; both empty if nothing is."""
     if len(row) != len(COLUMNS):
         wrong = f"{len(row)} fields instead of {len(COLUMNS)}; quote fields with commas"
-        raise ValueError(_where(name, number, COLUMNS[min(len(row), len(COLUMNS) - 1)], wrong))
+        return COLUMNS[min(len(row), len(COLUMNS) - 1)], wrong
     claim = Claim(*row)
     for column, allowed in (("kind", KINDS), ("unit", UNITS)):
-        if getattr(claim, column) not in allowed:
-            known = ", ".join(word for word in allowed if word)
-            wrong = f"{getattr(claim, column)!r} is unknown; known are {known}"
-            raise ValueError(_where(name, number, column, wrong))
+        if (found := getattr(claim, column)) not in allowed:
+            return column, f"{found!r} is unknown; known are {', '.join(filter(None, allowed))}"
     for column in ("id", "quantity", "value"):
         if not getattr(claim, column).strip():
-            raise ValueError(_where(name, number, column, "empty"))
-    column, wrong = _complaint(claim)
-    if wrong:
-        raise ValueError(_where(name, number, column, wrong))
-    return claim
-
-
-def _complaint(claim):
-    """Column and what is wrong in it with value, rule or evidence of a row; empty if nothing is."""
+            return column, "empty"
     if re.fullmatch(r"[+-]?\d+,\d+", claim.value):
         return "value", f"{claim.value!r} has a decimal comma; write a point"
     if claim.kind == "number" and claim.value != "N/A":
@@ -316,14 +254,13 @@ def judge(published, half, measured, se, n=None, runs=None, null=None):
     Returns the verdict and z (without chance 0 or infinity).
     """
     s_p = se * math.sqrt(n / runs) if n and runs else 0.0
-    z = _distance(published, half, measured, math.hypot(s_p, se))
+    spread = math.hypot(s_p, se)
+    z = _distance(published, half, measured, spread)
     if math.isnan(z):
         return "inconclusive", z
     if z > quantile(n):
         return "differs", z
-    vacuous = null is not None and (
-        _distance(published, half, null, math.hypot(s_p, se)) <= quantile(n)
-    )
+    vacuous = null is not None and _distance(published, half, null, spread) <= quantile(n)
     known = se <= max(s_p, half / 2)
     return ("reproduced" if known and not vacuous else "inconclusive"), z
 
@@ -370,8 +307,7 @@ def luck(margin, se, n=None, runs=None):
 
 
 def digits(value, se=0.0):
-    """A number as text, to the second significant digit of its standard error; without one, seven
-    significant digits.
+    """A number as text, to the second digit of its standard error; without one, seven digits.
 
     >>> digits(14.10632, 0.0137), digits(0.25)
     ('14.106', '0.25')
@@ -382,10 +318,8 @@ def digits(value, se=0.0):
 
 
 def given(default, symbol, unit="", row="open"):
-    """A field of a scenario's frozen dataclass.
-
-    Its value, its letter in the paper (TeX without dollars), its unit, and the id of the row that
-    prints it, or "open" where the paper is silent.
+    """A field of a scenario's frozen dataclass: its value, its letter in the paper (TeX without
+    dollars), its unit, and the id of the row that prints it, or "open" where the paper is silent.
     """
     return dataclasses.field(default=default, metadata={"symbol": symbol, "unit": unit, "row": row})
 
@@ -393,13 +327,9 @@ def given(default, symbol, unit="", row="open"):
 class Ledger:
     """The verdicts of one paper, entered one by one and closed when complete.
 
-    Parameters
-    ----------
-    paper : str
-    strict : bool
-        True in a run with default parameters: then causes must match verdicts, and a row that
-        repeats another has its verdict.  With other parameters or few trials the verdicts may
-        rightly differ, and only completeness is required.
+    A run with default parameters is `strict`: causes must match verdicts, and a row that repeats
+    another has its verdict.  With other parameters or few trials the verdicts may rightly differ,
+    and only completeness is required.
     """
 
     def __init__(self, paper, strict=True, folder=None):
@@ -411,10 +341,8 @@ class Ledger:
         """A number of a row's rule; ValueError, with the nearest name, when it has none."""
         known = numbers(self._claim(id).rule)
         if name not in known:
-            raise ValueError(
-                f"{self.paper}: the rule of {id} has no {name!r}; "
-                f"the nearest is {nearest(name, known)!r}"
-            )
+            advice = f"the nearest is {nearest(name, known)!r}"
+            raise self._error(f"the rule of {id} has no {name!r}; {advice}")
         return known[name]
 
     def check(self, id, measured, *, se=0.0, n=None, shown="", reached=False):
@@ -427,15 +355,17 @@ class Ledger:
         """
         claim = self._open(id)
         if claim.kind == "input":
-            raise ValueError(
-                f"{self.paper}: {id} is an input; "
-                "enter it with used(id, value) or untestable(id, reason)"
-            )
+            advice = "enter it with used(id, value) or untestable(id, reason)"
+            raise self._error(f"{id} is an input; {advice}")
         if not claim.rule:
-            raise ValueError(f"{self.paper}: {id} has no rule in data/claims/{self.paper}.csv")
+            raise self._error(f"{id} has no rule in data/claims/{self.paper}.csv")
         rule = numbers(claim.rule)
         if isinstance(measured, bool | np.bool_):
-            return self._check_truth(claim, bool(measured), n, shown)
+            if claim.kind == "number":
+                raise self._error(f"{id} is a number; give the measured value")
+            if not shown:
+                raise self._error(f"{id}: a truth value needs shown=, its evidence in words")
+            return self._enter(claim, shown, 0.0, n, "reproduced" if measured else "differs")
         if claim.kind == "number":
             value, se = float(measured), float(se)
             published, half = parse(claim.value)
@@ -450,32 +380,19 @@ class Ledger:
         z = margin / se if se else math.copysign(math.inf, margin) if margin else 0.0
         return self._enter(claim, shown or text, se, n, verdict, z, chance)
 
-    def _check_truth(self, claim, holds, n, shown):
-        """A claim settled without chance."""
-        if claim.kind == "number":
-            raise ValueError(f"{self.paper}: {claim.id} is a number; give the measured value")
-        if not shown:
-            raise ValueError(
-                f"{self.paper}: {claim.id}: a truth value needs shown=, its evidence in words"
-            )
-        return self._enter(claim, shown, 0.0, n, "reproduced" if holds else "differs")
-
     def used(self, id, value, unit=None):
         """Compare the parameter the code runs with to the printed input.
 
         `unit` is the unit of `value` (default: the row's own); units of one dimension are
-        converted.  A difference is an error in a default run: the code does not run the paper's
-        scenario.
+        converted.  A difference is an error in a default run.
         """
         claim = self._open(id)
         if claim.kind != "input":
-            raise ValueError(f"{self.paper}: {id} is of kind {claim.kind}; only inputs are used")
+            raise self._error(f"{id} is of kind {claim.kind}; only inputs are used")
         same = _same(claim, value, claim.unit if unit is None else unit)
         if not same and self.strict:
-            raise ValueError(
-                f"{self.paper}: {id}: the code runs with {value!r} {unit or ''}, "
-                f"the paper prints {claim.value!r} {claim.unit}"
-            )
+            printed = f"the paper prints {claim.value!r} {claim.unit}"
+            raise self._error(f"{id}: the code runs with {value!r} {unit or ''}, {printed}")
         shown = _plain(value) + (f" {unit}" if unit else "")
         return self._enter(claim, shown, verdict="used" if same else "differs")
 
@@ -497,9 +414,9 @@ class Ledger:
         """Enter a claim that cannot be tested here, with the reason."""
         claim = self._open(id)
         if not reason:
-            raise ValueError(f"{self.paper}: {id}: untestable needs its reason")
+            raise self._error(f"{id}: untestable needs its reason")
         if claim.rule and self.strict:
-            raise ValueError(f"{self.paper}: {id} is untestable, so its rule has to go")
+            raise self._error(f"{id} is untestable, so its rule has to go")
         return self._enter(claim, verdict="untestable", cause=reason)
 
     def table(self):
@@ -512,15 +429,11 @@ class Ledger:
 
         missing = [id for id in self.claims if id not in self.verdicts]
         if missing:
-            raise ValueError(
-                f"{self.paper}: no verdict on {len(missing)} of {len(self.claims)} claims: "
-                f"{', '.join(missing)}"
-            )
+            count = f"{len(missing)} of {len(self.claims)}"
+            raise self._error(f"no verdict on {count} claims: {', '.join(missing)}")
         wrong = [text for id in self.verdicts if self.strict and (text := self._wrong(id))]
         if wrong:
-            raise ValueError(
-                f"{self.paper}: {'; '.join(wrong)}; set data/claims/{self.paper}.csv right"
-            )
+            raise self._error(f"{'; '.join(wrong)}; set data/claims/{self.paper}.csv right")
         return pd.DataFrame([self.verdicts[id] for id in self.claims], columns=Verdict._fields)
 
     def _wrong(self, id):
@@ -541,22 +454,21 @@ class Ledger:
         found = [verdict.verdict for verdict in self.verdicts.values()]
         return ", ".join(f"{found.count(v)} {v}" for v in VERDICTS if v in found)
 
+    def _error(self, wrong):
+        return ValueError(f"{self.paper}: {wrong}")
+
     def _claim(self, id):
         if id not in self.claims:
-            raise ValueError(
-                f"{self.paper}: no claim {id!r}; the nearest is {nearest(id, self.claims)!r}"
-            )
+            raise self._error(f"no claim {id!r}; the nearest is {nearest(id, self.claims)!r}")
         return self.claims[id]
 
     def _open(self, id):
         """The claim of an id that has no verdict yet."""
-        claim = self._claim(id)
         if id in self.verdicts:
-            raise ValueError(f"{self.paper}: {id} is checked twice")
-        return claim
+            raise self._error(f"{id} is checked twice")
+        return self._claim(id)
 
     def _enter(self, claim, shown="", se=0.0, n=None, verdict="", z=None, chance="", cause=""):
-        """Enter a verdict and return it."""
         if verdict == "differs":
             cause = claim.cause if claim.kind != "input" else "parameter changed in this run"
         texts = published(claim), shown, f"{se:.2g}" if se else "", "" if n is None else str(int(n))
@@ -584,19 +496,14 @@ def _bound_half(claim, rule):
 
 
 def _plain(value):
-    """A parameter as text."""
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _same(claim, value, unit):
-    """Whether a value in a unit is what a row prints; numbers to rounding, everything else as text
-    without blanks.
-    """
+    """Whether a value in a unit is what a row prints: numbers to rounding, all else as text."""
     if unit not in UNITS:
-        raise ValueError(
-            f"{claim.id}: unit {unit!r} is unknown; known are "
-            f"{', '.join(word for word in UNITS if word)}"
-        )
+        known = ", ".join(filter(None, UNITS))
+        raise ValueError(f"{claim.id}: unit {unit!r} is unknown; known are {known}")
     try:
         printed = parse(claim.value)[0]
         number = float(value)
@@ -635,27 +542,24 @@ def verdicts(paper, folder=None):
         raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: {again}")
     try:
         table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError):
+    except ValueError:  # pandas' own errors are of this kind
         raise ValueError(f"{path}: no table of verdicts; make it anew: {again}") from None
-    if list(table.columns) != list(Verdict._fields):
-        raise ValueError(
-            f"{path}: its columns are {','.join(table.columns)}; make it anew: {again}"
-        )
+    if tuple(table.columns) != Verdict._fields:
+        found = ",".join(table.columns)
+        raise ValueError(f"{path}: its columns are {found}; make it anew: {again}")
     rows = read(paper)
     if list(table["id"]) != list(rows):
         odd = ", ".join(sorted(set(table["id"]) ^ set(rows))) or "their order"
-        raise ValueError(
-            f"{paper}: verdicts.csv and data/claims/{paper}.csv do not match in {odd}; run {again}"
-        )
+        files = f"verdicts.csv and data/claims/{paper}.csv"
+        raise ValueError(f"{paper}: {files} do not match in {odd}; run {again}")
     for number, row in enumerate(table.itertuples(), start=2):
-        claim, evidence = rows[row.id], row.evidence or rows[row.id].evidence
-        for column, ours, theirs in (
-            ("value", published(claim), row.published),
-            ("evidence", claim.evidence, evidence),
-        ):
+        claim = rows[row.id]
+        pairs = {"value": (published(claim), row.published)}
+        pairs["evidence"] = (claim.evidence, row.evidence or claim.evidence)
+        for column, (ours, theirs) in pairs.items():
             if ours != theirs:
                 wrong = f"{ours!r}, but the verdict is on {theirs!r}; correct it, or run {again}"
-                raise ValueError(_where(f"{paper}.csv", number, column, wrong))
+                raise _fault(f"{paper}.csv", number, column, wrong)
     return table
 
 
@@ -663,17 +567,14 @@ def ledger(folder=None):
     """The verdicts on every claim of every paper, one row each, the paper's name in front."""
     import pandas as pd
 
-    frame = pd.concat(
-        [verdicts(paper, folder) for paper in papers()], keys=papers(), names=["paper", None]
-    )
-    return frame.reset_index("paper").reset_index(drop=True)
+    tables = {paper: verdicts(paper, folder) for paper in papers()}
+    return pd.concat(tables, names=["paper", None]).reset_index("paper").reset_index(drop=True)
 
 
 def counts(table):
     """Counts of one table of verdicts: the measured by verdict, the other classes beside them.
 
-    "differs by chance" is the expected number of measured claims, right ones all, that the test
-    calls `differs`: 0.93 % of those that chance enters.
+    "differs by chance": of measured claims that chance enters, 0.93 % are so called though right.
     """
     kind = table["evidence"].str.split(" ").str[0]
     measured = table[kind == "measured"]
@@ -686,11 +587,7 @@ def counts(table):
 
 
 def scorecard(folder=None):
-    """Counts by paper, the last row for all.
-
-    Raises FileNotFoundError when a paper has no verdicts, ValueError when its claims and verdicts
-    do not match.
-    """
+    """Counts by paper, the last row for all; raises as :func:`verdicts` does."""
     import pandas as pd
 
     tables = {paper: verdicts(paper, folder) for paper in papers()}
@@ -724,16 +621,17 @@ def history():
     now = {tuple(line.split(",")[:2]): line.split(",")[2] for line in lines[1:]}
     wrong = []
     for entry in _ENTRY.finditer(text):
-        key, old, new = (entry["paper"], entry["id"]), entry["old"], entry["new"]
+        key, old, new = entry.group("paper", "id"), entry["old"], entry["new"]
+        where = f"CHANGES.md, {' '.join(key)}"
         if rule_digest(entry["was"]) != old or rule_digest(entry["is"]) != new:
-            wrong.append(f"CHANGES.md, {' '.join(key)}: a digest is not that of its rule")
+            wrong.append(f"{where}: a digest is not that of its rule")
         if now.get(key, "") != old:
-            wrong.append(f"CHANGES.md, {' '.join(key)}: the rule before it was {now.get(key)}")
+            wrong.append(f"{where}: the rule before it was {now.get(key)}")
         now[key] = new
     for paper in papers():
         for number, claim in enumerate(read(paper).values(), start=2):
             declared = now.pop((paper, claim.id), rule_digest(""))
             if declared != rule_digest(claim.rule):
                 said = f"changed without an entry in CHANGES.md (now {rule_digest(claim.rule)})"
-                wrong.append(_where(f"{paper}.csv", number, "rule", f"{claim.id}: {said}"))
+                wrong.append(str(_fault(f"{paper}.csv", number, "rule", f"{claim.id}: {said}")))
     return wrong + [f"declared.csv: {' '.join(key)} is no row" for key in now]

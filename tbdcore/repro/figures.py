@@ -12,6 +12,7 @@ the colour-blind can tell apart); ``LINES`` gives it a line style, for print wit
 This is the only module that imports matplotlib.
 """
 
+import contextlib
 import io
 import json
 import re
@@ -47,56 +48,28 @@ STYLE = {
     "svg.hashsalt": "tbdcore",
     "svg.fonttype": "path",
 }
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE, GREY = (
-    "#000000",
-    "#E69F00",
-    "#56B4E9",
-    "#009E73",
-    "#F0E442",
-    "#0072B2",
-    "#D55E00",
-    "#CC79A7",
-    "#7F7F7F",
-)
-COLOURS = {  # an algorithm keeps its colour through the whole repository
-    "truth": BLACK,
-    "paper": RED,
-    "reference": GREY,
-    "exact": BLACK,
-    "traditional": BLUE,
-    "proposed": ORANGE,
-    "beyond": GREEN,
-    "conventional": BLUE,  # the transition sets of dp_tbd
-    "tonissen": PURPLE,
-    "weighted": ORANGE,
-    "literal": SKY,
-    "exact_ai": PURPLE,
+_PALETTE = {
+    "#000000": "truth exact",
+    "#D55E00": "paper",
+    "#7F7F7F": "reference",
+    "#0072B2": "traditional conventional",
+    "#E69F00": "proposed weighted",
+    "#009E73": "beyond",
+    "#CC79A7": "tonissen exact_ai",
+    "#56B4E9": "literal",
 }
-LINES = {
-    "reference": "--",
-    "exact": ":",
-    "traditional": "-.",
-    "truth": "--",
-    "conventional": "-.",
-    "tonissen": "--",
-}
+COLOURS = {name: colour for colour, names in _PALETTE.items() for name in names.split()}
+LINES = dict.fromkeys(["reference", "truth", "tonissen"], "--") | {"exact": ":"}
+LINES |= dict.fromkeys(["traditional", "conventional"], "-.")
 CANVASES = {"pdf": FigureCanvasPdf, "svg": FigureCanvasSVG, "png": FigureCanvasAgg}
 NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
 
 class Portfolio:
-    """The products of one paper's run.
+    """The products of one paper's run, for ``folder/<paper>/``.
 
-    Parameters
-    ----------
-    paper : str
-    folder : pathlib.Path
-        Products go to ``folder/<paper>/``.
-    provenance : dict
-        What made them: parameters, seed, trials, digest, versions.
-    background : bool
-        Whether PDF and SVG are drawn by a process of their own while the page goes on.  They are
-        the same bytes.
+    `provenance` says what made them: parameters, seed, trials, digest, versions.  In `background`,
+    PDF and SVG are drawn by a process of their own while the page goes on: the same bytes.
     """
 
     colour = COLOURS
@@ -108,9 +81,13 @@ class Portfolio:
         self.background, self.pool = background, None
         matplotlib.rcParams.update(STYLE)
 
-    def new(self, rows=1, cols=1, width=6.4, height=3.6, **subplots):
-        """A figure in the house style and its axes; sizes in inches."""
-        return new(rows, cols, width, height, **subplots)
+    @staticmethod
+    def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
+        """A figure in the house style and its axes (one, or an array of them); sizes in inches."""
+        # for good: titles and legends are made by the caller, after this returns
+        matplotlib.rcParams.update(STYLE)
+        fig = Figure(figsize=(width, height))
+        return fig, fig.subplots(rows, cols, **subplots)
 
     def band(self, ax, x, mean, se=None, name="reference", label=None, **style):
         """A curve, with its 99 % Monte Carlo band where a standard error is given; NaNs are gaps.
@@ -155,10 +132,7 @@ class Portfolio:
         self.drawn.setdefault(ax.figure, []).append((ax, pd.DataFrame(columns)))
 
     def _data(self, fig):
-        """Everything that `band` and `marks` drew on a figure, in long form.
-
-        A figure with several panels has a column of panel numbers.
-        """
+        """All that `band` and `marks` drew on a figure, with panel numbers if there are several."""
         drawn = self.drawn.pop(fig, [])
         if not drawn:
             return None
@@ -219,31 +193,24 @@ class Portfolio:
 
     def _abandoned(self, folder):
         """Files of products of this paper in the folder that this run did not make."""
-        ours = [file for file in folder.glob("*.json") if self._is_ours(file)]
-        suffixes = (*CANVASES, "csv", "md", "tex", "json")
-        files = [file.with_suffix(f".{suffix}") for file in ours for suffix in suffixes]
+        files = []
+        for file in folder.glob("*.json"):
+            with contextlib.suppress(ValueError, TypeError, KeyError):  # it is no record
+                if json.loads(file.read_text(encoding="utf-8"))["paper"] == self.paper:
+                    suffixes = (*CANVASES, "csv", "md", "tex", "json")
+                    files += [file.with_suffix(f".{suffix}") for suffix in suffixes]
         return [file for file in files if file.name not in self.files]
-
-    def _is_ours(self, file):
-        """Whether a JSON is the record, of any edition, of a product of this paper."""
-        try:
-            return json.loads(file.read_text(encoding="utf-8"))["paper"] == self.paper
-        except (ValueError, TypeError, KeyError):
-            return False
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-            raise ValueError(
-                f"{self.paper}: product name {name!r}: use small letters, digits and underscores"
-            )
-        if f"{name}.json" in self.files:
-            raise ValueError(
-                f"{self.paper}: product {name!r} is saved twice; "
-                "give every figure and table its own name"
-            )
-        if not caption:
-            raise ValueError(f"{self.paper}: product {name!r} has no caption; say what it shows")
-        return f"{self.paper}/{name}"
+            wrong = "is no name; use small letters, digits and underscores"
+        elif f"{name}.json" in self.files:
+            wrong = "is saved twice; give every figure and table its own name"
+        elif not caption:
+            wrong = "has no caption; say what it shows"
+        else:
+            return f"{self.paper}/{name}"
+        raise ValueError(f"{self.paper}: product {name!r} {wrong}")
 
     def _json(self, id, caption, claims):
         stem = id.partition("/")[2]
@@ -253,19 +220,8 @@ class Portfolio:
         return (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode()
 
 
-def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
-    """A figure in the house style and its axes (one, or an array of them); sizes in inches."""
-    # for good: titles and legends are made by the caller, after this returns
-    matplotlib.rcParams.update(STYLE)
-    fig = Figure(figsize=(width, height))
-    return fig, fig.subplots(rows, cols, **subplots)
-
-
 def _lay_out(fig):
-    """Work the layout out once, not once for each format.
-
-    Places are rounded: an SVG names its axes by every digit of them.
-    """
+    """Work the layout out once for all formats, rounded: an SVG names its axes by all digits."""
     fig.get_layout_engine().execute(fig)
     fig.set_layout_engine("none")
     for ax in fig.axes:

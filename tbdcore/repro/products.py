@@ -5,12 +5,6 @@ made it: caption, parameters, seed, trials, claims shown, package versions, and 
 *meaning* of its sources: the parsed code of the page and of the modules that it imports, and the
 claims file but for its causes.  Comments, docstrings, layout and text cells do not count.
 
-``write``        some files into a folder, all or none
-``table_files``  a frame as CSV, Markdown and LaTeX, the last two with the id in a comment
-``record``       what a product's JSON says
-``meaning``      a source without comments, docstrings and positions, as text
-``digest``       a short hash
-
 Nothing here imports matplotlib, papermill or Jupyter.
 """
 
@@ -92,10 +86,8 @@ def record(file):
         _ = [about[key] for key in RECORDED]
         return about
     except (ValueError, TypeError, KeyError):
-        raise ValueError(
-            f"{file}: damaged; delete it, then make the products anew: "
-            f"tbdcore run {file.parent.name}"
-        ) from None
+        again = f"make the products anew: tbdcore run {file.parent.name}"
+        raise ValueError(f"{file}: damaged; delete it, then {again}") from None
 
 
 def data(id):
@@ -107,10 +99,8 @@ def data(id):
 
     path = paths.figures() / f"{id}.csv"
     if not path.is_file():
-        raise ValueError(
-            f"{id}: no such data in {paths.figures()}; "
-            "products are named <paper>/<name>, such as track_cfar/fig05"
-        )
+        advice = "products are named <paper>/<name>, such as track_cfar/fig05"
+        raise ValueError(f"{id}: no such data in {paths.figures()}; {advice}")
     return pd.read_csv(path)
 
 
@@ -119,10 +109,8 @@ def data(id):
 
 def digest(contents):
     """Short hash of some byte strings."""
-    total = hashlib.sha256()
-    for content in contents:
-        total.update(hashlib.sha256(content).digest())
-    return total.hexdigest()[:16]
+    each = b"".join(hashlib.sha256(content).digest() for content in contents)
+    return hashlib.sha256(each).hexdigest()[:16]
 
 
 def versions():
@@ -158,12 +146,14 @@ def _merged(nodes):
     """Neighbouring string constants, as an f-string has them, as one; empty ones left out."""
     out = []
     for node in nodes:
-        text = isinstance(node, ast.Constant) and isinstance(node.value, str)
-        if text and out and isinstance(out[-1], ast.Constant) and isinstance(out[-1].value, str):
-            out[-1] = ast.Constant(out[-1].value + node.value)
-        else:
-            out.append(node)
+        if out and _is_text(node) and _is_text(out[-1]):
+            node = ast.Constant(out.pop().value + node.value)
+        out.append(node)
     return out
+
+
+def _is_text(node):
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 def imported(source):
@@ -201,13 +191,9 @@ def table_files(frame, name, id):
 
 
 def csv(frame):
-    """A frame as CSV, numbers to six significant digits.
-
-    These are fewer than differ between CPUs, and more than any figure shows.
-    """
-    return frame.to_csv(
-        index=_named(frame.index), float_format="%.6g", lineterminator="\n"
-    ).encode()
+    """A frame as CSV, numbers to six digits: the same on all CPUs, and more than figures show."""
+    how = {"float_format": "%.6g", "lineterminator": "\n"}
+    return frame.to_csv(index=_named(frame.index), **how).encode()
 
 
 def _named(index):
@@ -239,21 +225,13 @@ def markdown(frame):
     return "".join(f"| {line} |\n" for line in escaped)
 
 
-_LETTERS = (
-    "alpha beta gamma delta eta theta kappa lambda mu pi rho sigma tau phi chi omega "
-    "Delta Lambda Sigma Omega le ge times to pm"
-)
-_TEX = {
-    "\\": r"\textbackslash{}",
-    **{c: "\\" + c for c in "&%$#_{}"},
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    **{
-        c: rf"\ensuremath{{\{name}}}"
-        for c, name in zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→±", _LETTERS.split(), strict=True)
-    },
-}
+_LETTERS = """alpha beta gamma delta eta theta kappa lambda mu pi rho sigma tau phi chi omega
+Delta Lambda Sigma Omega le ge times to pm"""
+_SYMBOLS = zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→±", _LETTERS.split(), strict=True)
+_TEX = {c: "\\" + c for c in "&%$#_{}"} | {c: rf"\ensuremath{{\{name}}}" for c, name in _SYMBOLS}
+_TEX |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 _SYMBOL = re.compile(r"\b([A-Za-z])_([A-Za-z0-9]{1,3}|FA|TAR)\b")  # P_d, R_T, r_P
+_NUMBER = re.compile(r"[-+−]?[\d.]+(e[-+]?\d+)?( ± [\d.]+)?|")
 
 
 def latex(frame):
@@ -264,24 +242,15 @@ def latex(frame):
     """
     header, rows = _cells(frame)
     columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
-    places = "".join("r" if all(map(_is_number, column)) else "l" for column in columns)
-
-    def line(cells):
-        return " & ".join(map(tex, cells)) + r" \\"
-
-    body = [line(header), r"\midrule", *map(line, rows)]
-    ends = rf"\begin{{tabular}}{{{places}}}", r"\end{tabular}"
-    return "\n".join([ends[0], r"\toprule", *body, r"\bottomrule", ends[1], ""])
-
-
-def _is_number(cell):
-    return bool(re.fullmatch(r"[-+−]?[\d.]+(e[-+]?\d+)?( ± [\d.]+)?|", cell))
+    places = "".join("r" if all(map(_NUMBER.fullmatch, column)) else "l" for column in columns)
+    head, *body = (" & ".join(map(tex, cells)) + r" \\" for cells in (header, *rows))
+    lines = [rf"\begin{{tabular}}{{{places}}}", r"\toprule", head, r"\midrule", *body]
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
 
 def tex(text):
     """Text with LaTeX's special characters escaped outside mathematics."""
     text = _SYMBOL.sub(r"$\1_{\\mathrm{\2}}$", text) if "$" not in text else text
     pieces = re.split(r"(\$[^$]+\$)", text)
-    return "".join(
-        piece if i % 2 else "".join(_TEX.get(c, c) for c in piece) for i, piece in enumerate(pieces)
-    )
+    pieces[::2] = ["".join(_TEX.get(c, c) for c in piece) for piece in pieces[::2]]
+    return "".join(pieces)

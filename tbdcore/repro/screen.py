@@ -28,17 +28,13 @@ class Exhibit:
         display(Markdown(f"*{self.id}.* {self.caption}"))
 
 
-class Table:
+class Table(str):
     """A table on the first screen: HTML for the reader, plain text elsewhere."""
 
-    def __init__(self, text):
-        self.text = text
-
-    def __repr__(self):
-        return self.text
-
     def _repr_markdown_(self):
-        return self.text
+        return str(self)
+
+    __repr__ = _repr_markdown_
 
 
 def outcome(paper, rows):
@@ -64,30 +60,16 @@ def _table(paper, rows, folder):
         if id not in found.index:
             raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
         row = found.loc[id]
-        lines.append(f"| {what} | {row['published']} | {_measured(row)} | {_verdict(row)} |\n")
-    return f"{head}{''.join(lines)}\n*{_run(paper, folder)}*\n"
-
-
-def _measured(row):
-    error = f" ± {row['se']}" if row["se"] else ""
-    return f"{row['measured']}{error}"
-
-
-def _verdict(row):
-    known = row.get("evidence", "measured")
-    return row["verdict"] + (f" ({known})" if known and known != "measured" else "")
-
-
-def _run(paper, folder):
-    """The run that the table shows, in words."""
-    for file in sorted((folder / paper).glob("*.json")):
-        about = products.record(file)
-        return f"Default run: seed {about['seed']}, {about['trials']} trials; ± one standard error."
-    return "Default run; ± one standard error."
+        here = row["measured"] + (f" ± {row['se']}" if row["se"] else "")
+        kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
+        lines.append(f"| {what} | {row['published']} | {here} | {row['verdict']}{kind} |\n")
+    about = next(map(products.record, sorted((folder / paper).glob("*.json"))), None)
+    known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
+    return f"{head}{''.join(lines)}\n*Default run{known}; ± one standard error.*\n"
 
 
 def exhibit(id):
-    """A committed figure, ``exhibit("track_cfar/fig05")``, or a line that says there is none yet."""
+    """A committed figure, ``exhibit("track_cfar/fig05")``; without one, a line that says so."""
     file = paths.PRODUCTS / f"{id}.png"
     if not file.is_file():
         return Table(f"*{id}: not yet run.*")

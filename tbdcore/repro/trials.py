@@ -49,18 +49,8 @@ DAY = 86400  # seconds an idle process waits; loky prints a warning when one lea
 def generator(seed, paper, experiment, trial, purpose):
     """Random generator of one purpose in one trial.
 
-    Parameters
-    ----------
-    seed, trial : int
-        Root of the run and index of the trial, both >= 0.
-    paper, experiment : str
-        Names that keep streams apart.
-    purpose : {"truth", "noise", "filter"}
-
-    Raises
-    ------
-    ValueError
-        For an unknown purpose or a negative integer.
+    `seed` and `trial` are integers >= 0, `paper` and `experiment` names that keep streams apart,
+    `purpose` is "truth", "noise" or "filter"; anything else is a ValueError.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"trials.generator: purpose {purpose!r} is none of {', '.join(PURPOSES)}")
@@ -73,42 +63,19 @@ def generator(seed, paper, experiment, trial, purpose):
 def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials"):
     """Results of ``trial(seed, 0) ... trial(seed, n - 1)``, stacked along a leading axis.
 
-    Parameters
-    ----------
-    trial : callable (seed, i) -> float | ndarray | tuple | NamedTuple
-        All trials return the same shapes.
-    n : int
-        Number of trials, at least 1.
-    workers : int
-        Processes on this machine; 0: one for each core, 1: none, the loop runs here.
-    scheduler : str
-        Address of a dask scheduler; empty: this machine.
-    executor : concurrent.futures.Executor, optional
-        Used instead of both, and left open.
+    A trial returns a number, an array, or a (named) tuple of them, always in the same shapes.
+    `workers` are processes on this machine; 0: one for each core, 1: none, the loop runs here.
+    `scheduler` is the address of a dask scheduler; an `executor` (concurrent.futures.Executor) is
+    used instead of both, and left open.
 
-    Raises
-    ------
-    ValueError
-        For n < 1, or workers or seed that are negative.
-    ConnectionError
-        When no scheduler answers at the address.
-    RuntimeError
-        When a trial raises: the message names the trial, so that it can be run again alone.
+    Raises ValueError for a bad count, ConnectionError when no scheduler answers, and RuntimeError
+    when a trial raises: the message names the trial, so that it can be run again alone.
     """
-    for name, value in {"n": n, "workers": workers, "seed": seed}.items():
-        if not isinstance(value, int | np.integer):
-            raise ValueError(f"trials.run: {name} is {value!r}; give an integer")
-    if n < 1:
-        raise ValueError(f"trials.run: n is {n}; at least one trial is needed")
-    if workers < 0:
-        raise ValueError(
-            f"trials.run: workers is {workers}; give 0 for one process per core, or a count"
-        )
-    if seed < 0:
-        raise ValueError(f"trials.run: seed is {seed}; give an integer, 0 or above")
+    for name, value, least in (("n", n, 1), ("workers", workers, 0), ("seed", seed, 0)):
+        if not isinstance(value, int | np.integer) or value < least:
+            raise ValueError(f"trials.run: {name} is {value!r}; give an integer, {least} or above")
     with _executor(executor, workers, scheduler) as pool:
-        loop = _serial if pool is None else partial(_parallel, pool)
-        return _join(loop(trial, n, seed, label))
+        return _by_field(np.concatenate, _parts(pool, partial(_chunk, trial, seed), n, label))
 
 
 def cores():
@@ -138,27 +105,23 @@ def _executor(executor, workers, scheduler):
 
 
 def _processes(workers):
-    """Processes of this machine, kept alive between runs.
-
-    Their BLAS has one thread, as the trials are what runs in parallel.
-    """
+    """Processes of this machine, kept between runs, each with one thread for linear algebra."""
     from loky import get_reusable_executor
 
     one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return get_reusable_executor(
-        max_workers=workers,
-        timeout=DAY,
-        env=one,
-        initializer=end_with_parent,
-        initargs=(os.getpid(),),
-    )
+    return get_reusable_executor(workers, env=one, **_life())
 
 
 def process():
     """An executor with one process, which the caller shuts down."""
     from loky import ProcessPoolExecutor
 
-    return ProcessPoolExecutor(1, timeout=DAY, initializer=end_with_parent, initargs=(os.getpid(),))
+    return ProcessPoolExecutor(1, **_life())
+
+
+def _life():
+    """Options of processes that wait for work for a day and end when this one does."""
+    return {"timeout": DAY, "initializer": end_with_parent, "initargs": (os.getpid(),)}
 
 
 def end_with_parent(parent):
@@ -186,32 +149,26 @@ def end(processes):
 @contextlib.contextmanager
 def _client(address):
     """Client of the dask scheduler at an address, which has a worker or gets one soon."""
+    where, here = f"scheduler {address!r}", "or leave it empty for this machine"
     try:
         from distributed import Client
     except ModuleNotFoundError:
-        raise ConnectionError(
-            f"scheduler {address!r}: the package distributed is not installed; in the repository: "
-            f"pip install -e '.[cluster]'"
-        ) from None
+        advice = "in the repository: pip install -e '.[cluster]'"
+        raise ConnectionError(f"{where}: distributed is not installed; {advice}") from None
     if not re.fullmatch(r"(\w+://)?[\w.\-\[\]]+:\d+|inproc://\S+", address):
-        raise ConnectionError(
-            f"scheduler {address!r}: no address of a dask scheduler; write tcp://host:8786, "
-            f"or leave it empty for this machine"
-        )
+        wrong = "no address of a dask scheduler; write tcp://host:8786"
+        raise ConnectionError(f"{where}: {wrong}, {here}")
     try:
         client = Client(address, timeout=5, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        raise ConnectionError(
-            f"scheduler {address!r}: no dask scheduler answers there ({type(error).__name__}); "
-            "check the address, or leave it empty for this machine"
-        ) from None
+        wrong = f"no dask scheduler answers there ({type(error).__name__}); check the address"
+        raise ConnectionError(f"{where}: {wrong}, {here}") from None
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
-            raise ConnectionError(
-                f"scheduler {address!r}: it has no worker; start one: dask worker {address}"
-            ) from None
+            advice = f"start one: dask worker {address}"
+            raise ConnectionError(f"{where}: it has no worker; {advice}") from None
         yield client
 
 
@@ -220,12 +177,6 @@ def _workers(pool):
     client = getattr(pool, "_client", None)
     threads = sum(client.nthreads().values()) if client else getattr(pool, "_max_workers", 0)
     return threads or cores()
-
-
-def _chunks(n, count):
-    """About `count` half-open ranges that cover 0..n."""
-    size = max(1, n // count)
-    return [(i, min(i + size, n)) for i in range(0, n, size)]
 
 
 def _shares(n, workers):
@@ -238,20 +189,14 @@ def _shares(n, workers):
     return ranges
 
 
-def _serial(trial, n, seed, label):
-    """The loop in this process."""
-    return [
-        _chunk(trial, seed, *ends)
-        for ends in tqdm(_chunks(n, 100), desc=label, disable=None, leave=False)
-    ]
-
-
-def _parallel(pool, trial, n, seed, label):
-    """Chunks of the loop on an executor, gathered in the order of the trials."""
-    ranges = _shares(n, _workers(pool))
-    jobs = [pool.submit(_chunk, trial, seed, *ends) for ends in ranges]
+def _parts(pool, chunk, n, label):
+    """Chunks of the loop, in the order of the trials, from an executor or from this process."""
+    shown = partial(tqdm, desc=label, disable=None, leave=False)
+    if pool is None:
+        return [chunk(*ends) for ends in shown(_shares(n, 30))]
+    jobs = [pool.submit(chunk, *ends) for ends in _shares(n, _workers(pool))]
     try:
-        return [job.result() for job in tqdm(jobs, desc=label, disable=None, leave=False)]
+        return [job.result() for job in shown(jobs)]
     except BaseException:
         for job in jobs:
             job.cancel()
@@ -265,15 +210,9 @@ def _chunk(trial, seed, first, last):
         try:
             results.append(trial(seed, i))
         except Exception as error:
-            raise RuntimeError(
-                f"trial {i} of seed {seed}: {type(error).__name__}: {error}"
-            ) from error
+            wrong = f"{type(error).__name__}: {error}"
+            raise RuntimeError(f"trial {i} of seed {seed}: {wrong}") from error
     return _by_field(np.stack, results)
-
-
-def _join(parts):
-    """Stacked results one after the other."""
-    return _by_field(np.concatenate, parts)
 
 
 def _by_field(gather, results):

@@ -70,7 +70,7 @@ def test_a_last_bit_changes_no_picture(tmp_path):
     made = []
     for x in (1.1, math.nextafter(1.1, 2)):
         run = figures.Portfolio("toy", tmp_path, PROVENANCE)
-        fig, axes = figures.new(1, 2)
+        fig, axes = figures.Portfolio.new(1, 2)
         axes[1].plot([0, 1])
         axes[1].text(x, 0.5, "outside", transform=axes[1].transAxes)
         run.save(fig, "fig01", caption="A line, and a word that the layout has to find room for.")

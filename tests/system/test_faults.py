@@ -103,8 +103,8 @@ FAULTS = [
     Plant(
         "degrees for radians in a printed input",
         "tbdcore/repro/claims.py",
-        '"deg": ("angle", math.pi / 180)',
-        '"deg": ("angle", 1.0)',
+        '"deg": math.pi / 180',
+        '"deg": 1.0',
         "harness/test_claims.py::test_inputs_are_compared_in_their_units",
     ),
     Plant(
@@ -180,7 +180,7 @@ FAULTS = [
     Plant(
         "a verdict that ignores our own error",
         "tbdcore/repro/claims.py",
-        "z = _distance(published, half, measured, math.hypot(s_p, se))",
+        "z = _distance(published, half, measured, spread)",
         "z = _distance(published, half, measured, s_p)",
         "harness/test_claims.py::test_the_edges_of_a_number",
     ),
@@ -201,8 +201,8 @@ FAULTS = [
     Plant(
         "trials gathered in another order",
         "tbdcore/repro/trials.py",
-        "return [job.result() for job in tqdm(jobs,",
-        "return [job.result() for job in tqdm(jobs[::-1],",
+        "return [job.result() for job in shown(jobs)]",
+        "return [job.result() for job in shown(jobs[::-1])]",
         "harness/test_trials.py::test_workers_do_not_change_a_bit",
     ),
     Plant(
@@ -222,7 +222,7 @@ FAULTS = [
     Plant(
         "a run that is resumed whatever its parameters",
         "tbdcore/repro/batch.py",
-        '"parameters": _settings(paper, values),',
+        'now["parameters"] = _settings(paper, values)',
         "",
         "harness/test_batch.py::test_resume_goes_by_the_parameters_that_can_change_a_result",
     ),
