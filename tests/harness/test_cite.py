@@ -16,18 +16,21 @@ ALL = tomllib.loads((tiny.ROOT / "data" / "papers.toml").read_text(encoding="utf
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Products of one run."""
+    """Products of a default run, and in another folder those of a run with other parameters."""
     folder = tmp_path_factory.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
-        tiny.here(folder, patch)()
-    return folder / "figures"
+        execute = tiny.here(folder, patch)
+        execute()
+        execute(out=str(folder / "other"), shift=2.5, n_trials=9)
+    return folder
 
 
 @pytest.fixture
 def execute(made, tmp_path, monkeypatch):
     """The small repository with a copy of them; runs its notebook."""
     execute = tiny.here(tmp_path, monkeypatch)
-    shutil.copytree(made, tmp_path / "figures")
+    for folder in ("figures", "other"):
+        shutil.copytree(made / folder, tmp_path / folder)
     return execute
 
 
@@ -252,7 +255,6 @@ def test_a_re_saved_picture_keeps_id_and_caption(execute, capsys, tmp_path):
 
 @pytest.mark.parametrize("kind", ["pdf", "svg", "png"])
 def test_which_traces_a_file_of_another_run(execute, capsys, tmp_path, kind):
-    execute(out=str(tmp_path / "other"), shift=2.5, n_trials=9)
     file = tmp_path / "other" / "tiny" / f"fig1.{kind}"
     code, out, _ = tbdcore(capsys, "which", str(file))
     assert code == 0
