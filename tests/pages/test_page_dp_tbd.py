@@ -1,16 +1,21 @@
-"""The algorithm of the dp_tbd notebook on your own frames: certain cases, closed forms, and what it
+"""The algorithm of the dp_tbd notebook: certain cases, closed forms, a stranger's data, and what it
 refuses.
 """
 
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy import integrate, special
 
 import tbdcore
 from tbdcore import dynprog, motion, sensor
-from tbdcore.repro import pages
+from tbdcore.repro import pages, paths
+
+START = np.array([351_550.0, 350_350.0, 170.0, 190.0])
 
 
 @pytest.fixture(scope="module")
@@ -23,36 +28,7 @@ def p(page):
     return page.Params()
 
 
-def test_a_strong_straight_target_is_followed_by_all_three(page, p):
-    cells = page.truth(0.0, np.array([351_550.0, 350_350.0, 170.0, 190.0]), p, None)[1]
-    z = sensor.point_frames(np.random.default_rng(0).normal(size=(p.K, *p.grid)), cells, 12.0)
-    for track in page.run(z, p):
-        np.testing.assert_array_equal(track.cells, cells)
-    assert page.run(z, p).tonissen.value == pytest.approx(
-        z[np.arange(p.K), *cells.T].sum(), rel=1e-12
-    )
-
-
-def test_a_strong_turning_target_is_lost_by_tonissen_alone(page, p):
-    cells = page.truth(0.4, np.array([351_550.0, 350_350.0, 170.0, 190.0]), p, None)[1]
-    z = sensor.point_frames(np.zeros((p.K, *p.grid)), cells, 12.0)
-    tracks = page.run(z, p)
-    far = [np.abs(track.cells - cells).max() for track in tracks]
-    assert far[0] == far[2] == 0
-    assert far[1] > 2
-
-
-def test_tonissen_has_no_path_near_a_strong_turn_by_propagating_sets(p, page):
-    """The theorem of section 6 without the core: plain sets of states, for many starts."""
-    rng, speeds = np.random.default_rng(4), range(1 - p.M, p.M + 1)
-    for _ in range(40):
-        cells = page.truth(0.4, page.start(p, rng), p, rng)[1]
-        for axis in (1,):
-            near = {(v, y) for v in speeds for y in range(cells[0, axis] - 2, cells[0, axis] + 3)}
-            for k in range(1, p.K):
-                steps = {(v, y + v - m) for v, y in near for m in (0, 1)}
-                near = {(v, y) for v, y in steps if abs(y - cells[k, axis]) <= 2}
-            assert not near
+# The scenario -------------------------------------------------------------------------------------
 
 
 def test_targets_stay_in_the_region_for_every_turn_rate_and_noise_that_may_be_given(page, p):
@@ -66,7 +42,6 @@ def test_targets_stay_in_the_region_for_every_turn_rate_and_noise_that_may_be_gi
         cells = page.truth(omega, x1, p, None)[1]
         assert cells.min() >= 0
         assert cells.max() < 50
-        sensor.point_frames(np.zeros((p.K, *p.grid), np.float32), cells, 1.0)
     noisy = replace(p, process_noise=known["process_noise"].high)
     cells = np.array(
         [
@@ -79,7 +54,7 @@ def test_targets_stay_in_the_region_for_every_turn_rate_and_noise_that_may_be_gi
     assert cells.max() < 50
 
 
-def test_targets_stay_in_the_region_and_within_the_conventional_window(page, p):
+def test_targets_begin_in_one_cell_and_stay_within_the_conventional_window(page, p):
     rng = np.random.default_rng(5)
     for omega in p.turn_rates:
         tracks = np.array([page.truth(omega, page.start(p, rng), p, rng)[1] for _ in range(200)])
@@ -89,11 +64,21 @@ def test_targets_stay_in_the_region_and_within_the_conventional_window(page, p):
         assert np.abs(np.diff(tracks, axis=1)).max() <= p.M
 
 
+def test_starts_fill_the_printed_intervals(page, p):
+    x = np.array([page.start(p, np.random.default_rng(i)) for i in range(400)])
+    low = [351_500, 350_300, 150, 150]
+    width = [100, 100, 50, 50]
+    assert (x >= low).all()
+    assert (x <= np.add(low, width)).all()
+    np.testing.assert_allclose(np.ptp(x, axis=0), width, rtol=0.03)
+
+
 def test_turn_is_the_printed_matrix_and_its_limit(page):
     w, T = 0.3, 2.0
     s, c = np.sin(w * T), np.cos(w * T)
     printed = [[1, 0, s / w, -(1 - c) / w], [0, 1, (1 - c) / w, s / w], [0, 0, c, -s], [0, 0, s, c]]
     np.testing.assert_allclose(page.turn(w, T), printed, rtol=1e-13)
+    np.testing.assert_array_equal(page.turn(0.0, T), np.eye(4) + T * np.eye(4, k=2))
     np.testing.assert_allclose(page.turn(1e-9, T), page.turn(0.0, T), atol=1e-8)
     order = [0, 2, 1, 3]
     np.testing.assert_array_equal(
@@ -102,11 +87,124 @@ def test_turn_is_the_printed_matrix_and_its_limit(page):
 
 
 def test_process_noise_is_an_acceleration_constant_during_a_scan(page, p):
-    noisy, rng = replace(p, process_noise=5.0), np.random.default_rng(6)
-    x = page.truth(0.0, np.array([351_550.0, 350_350.0, 170.0, 190.0]), noisy, rng)[0]
-    change = x[1:] - x[:-1] @ page.turn(0.0, p.T).T
-    np.testing.assert_allclose(change[:, :2], change[:, 2:] * p.T / 2, atol=1e-7)
-    assert change[:, 2:].std() == pytest.approx(5.0, rel=0.5)
+    noisy, rng = replace(p, process_noise=5.0, T=2.0, v0=(50, 60)), np.random.default_rng(6)
+    changes = []
+    for _ in range(20):
+        x = page.truth(0.0, page.start(noisy, rng), noisy, rng)[0]
+        changes.append(x[1:] - x[:-1] @ page.turn(0.0, 2.0).T)
+    change = np.concatenate(changes)
+    np.testing.assert_allclose(change[:, :2], change[:, 2:] * 2.0 / 2, atol=1e-7)
+    assert change[:, 2:].std() == pytest.approx(2.0 * 5.0, rel=0.15)
+    assert abs(np.corrcoef(change[:, 2:].T)[0, 1]) < 0.3
+
+
+def test_background_has_the_mean_and_the_variance_of_the_scenario(page, p):
+    w = page.background(replace(p, mean=3.0, sigma2=4.0), np.random.default_rng(1))
+    assert w.dtype == np.float32
+    assert w.shape == (11, 50, 50)
+    assert w.mean() == pytest.approx(3.0, abs=0.05)
+    assert w.var() == pytest.approx(4.0, rel=0.05)
+
+
+def test_metrics_by_hand(page):
+    d = np.array([[3, -4], [0, 2]])
+    assert page.METRICS["chebyshev"](d).tolist() == [4, 2]
+    assert page.METRICS["euclidean"](d).tolist() == [5, 2]
+    assert page.METRICS["manhattan"](d).tolist() == [7, 2]
+
+
+# The sets -----------------------------------------------------------------------------------------
+
+
+def predecessors(name, x, p):
+    """Predecessors of a state and their weights, as printed: eqs. (6), (7), (8) and (10)."""
+    i, j, iv, jv = x
+    if name == "conventional":
+        window = range(-p.M, p.M + 1)
+        return {(i + m, j + n, 0, 0): 1.0 for m in window for n in window}
+    if name == "tonissen":
+        return {(i + m - iv, j + n - jv, iv, jv): 1.0 for m in (0, 1) for n in (0, 1)}
+    near = {}
+    for m, n, r, s in itertools.product((-1, 0, 1), repeat=4):
+        units = abs(m) + abs(n) if p.reading == "m" else abs(m - r) + abs(n - s)
+        near[i + m - iv - r, j + n - jv - s, iv + r, jv + s] = p.a ** (units + abs(r) + abs(s))
+    return near
+
+
+def by_the_book(z, name, p):
+    """Energy and cells of the best path, by dictionaries of states."""
+    speeds = (0,) if name == "conventional" else range(1 - p.M, p.M + 1)
+    states = list(itertools.product(*map(range, p.grid), speeds, speeds))
+    I, back = {x: z[0][x[:2]] for x in states}, []
+    for frame in z[1:]:
+        new, came = {}, {}
+        for x in states:
+            values = {y: g * I[y] for y, g in predecessors(name, x, p).items() if y in I}
+            if values:
+                came[x] = max(values, key=values.get)
+                new[x] = frame[x[:2]] + values[came[x]]
+        I = new
+        back.append(came)
+    path = [max(I, key=I.get)]
+    value = I[path[0]]
+    for came in back[::-1]:
+        path.append(came[path[-1]])
+    return value, [list(x[:2]) for x in path[::-1]]
+
+
+@pytest.mark.parametrize("name", ["conventional", "tonissen", "weighted"])
+@pytest.mark.parametrize("reading", ["m", "m-r"])
+@pytest.mark.parametrize("mean", [-1.0, 1.0])
+def test_every_set_is_the_printed_one(page, p, name, reading, mean):
+    """Small frames, all states, also where most energies are negative."""
+    q = replace(p, grid=(6, 5), M=2, a=0.9, reading=reading, K=4)
+    z = np.random.default_rng(3).normal(mean, 1.0, (4, *q.grid))
+    track = getattr(page.run(z, q), name)
+    value, cells = by_the_book(z, name, q)
+    assert track.value == pytest.approx(value, rel=1e-12)
+    assert track.cells.tolist() == cells
+
+
+def test_the_recursion_by_hand_along_a_whole_path(page, p):
+    """Full size: at every state of the best path (16) gives its energy, (19) goes back to it."""
+    z = page.prepare(np.random.default_rng(2).normal(size=(p.K, *p.grid)), p)
+    transition, d = page.weighted(p, float), page.reach(p)
+    I = page.accumulate(z, transition)
+    states = page.trace_back(I, transition)
+    index = lambda y: (y[2] - 1 + p.M, y[3] - 1 + p.M, y[0] + d, y[1] + d)  # noqa: E731
+    path = [(i - d, j - d, iv + 1 - p.M, jv + 1 - p.M) for iv, jv, i, j in states.tolist()]
+    for k, (was, now) in enumerate(itertools.pairwise(path), start=1):
+        values = {
+            y: g * I[k - 1][index(y)]
+            for y, g in predecessors("weighted", now, p).items()
+            if all(1 - p.M <= v <= p.M for v in y[2:])
+        }
+        assert I[k][index(now)] - z[k][index(now)[2:]] == pytest.approx(values[was], rel=1e-12)
+        assert values[was] == pytest.approx(max(values.values()), rel=1e-12)
+
+
+def test_states_near_the_edge_that_nothing_reaches(page, p):
+    """Per axis Tonissen's set loses 60 of 300 pairs in eleven frames, the extended set one."""
+    z, d = page.prepare(np.zeros((p.K, *p.grid)), p), page.reach(p)
+    lost = []
+    for algorithm in page.ALGORITHMS:
+        last = page.accumulate(z, algorithm(p, float))[-1]
+        lost.append(np.isneginf(last[..., d:-d, d:-d]).mean())
+    assert lost == pytest.approx([0.0, 1 - (240 / 300) ** 2, 1 - (299 / 300) ** 2], abs=1e-12)
+
+
+def test_the_weight_is_paid_for_each_rarer_step_and_not_for_each_change(page, p):
+    """Section 5.5: steps of 1, 2, 1, 2, ... along one axis, five of each, nine changes."""
+    uneven = np.tile([1, 2], p.K)[: p.K - 1]
+    cells = np.stack([np.r_[15, 15 + np.cumsum(uneven)], 3 + 2 * np.arange(p.K)], axis=1)
+    z, d = np.full((p.K, *(n + 2 * page.reach(p) for n in p.grid)), -np.inf), page.reach(p)
+    z[np.arange(p.K), *(cells + d).T] = 1.0
+    total = 1.0
+    for step in uneven:
+        total = 1.0 + (p.a if step == 1 else 1.0) * total
+    last = page.accumulate(z, page.weighted(p, float))[-1]
+    assert last.max() == pytest.approx(total, rel=1e-12)
+    assert page.accumulate(z, page.tonissen(p, float))[-1].max() == p.K
 
 
 def test_no_weight_and_both_readings_are_the_extended_set(page, p):
@@ -116,6 +214,76 @@ def test_no_weight_and_both_readings_are_the_extended_set(page, p):
     )
     assert one.value == two.value
     np.testing.assert_array_equal(one.cells, two.cells)
+
+
+def test_tonissen_has_no_path_near_a_strong_turn_by_propagating_sets(p, page):
+    """The theorem of section 5.3 without the core: plain sets of states, for many starts."""
+    rng, speeds = np.random.default_rng(4), range(1 - p.M, p.M + 1)
+    for _ in range(40):
+        cells = page.truth(0.4, page.start(p, rng), p, rng)[1]
+        near = {(v, y) for v in speeds for y in range(cells[0, 1] - 2, cells[0, 1] + 3)}
+        for k in range(1, p.K):
+            steps = {(v, y + v - m) for v, y in near for m in (0, 1)}
+            near = {(v, y) for v, y in steps if abs(y - cells[k, 1]) <= 2}
+        assert not near
+
+
+def test_the_margin_is_as_wide_as_the_longest_step(page, p):
+    assert page.reach(p) == p.M + p.slack_pos
+    z = np.zeros((1, *p.grid))
+    assert page.prepare(z, p).shape == dynprog.margin(z, 4).shape
+
+
+# Certain cases ------------------------------------------------------------------------------------
+
+
+def test_a_strong_straight_target_is_followed_by_all_three(page, p):
+    cells = page.truth(0.0, START, p, None)[1]
+    z = sensor.point_frames(np.random.default_rng(0).normal(size=(p.K, *p.grid)), cells, 12.0)
+    for track in page.run(z, p):
+        np.testing.assert_array_equal(track.cells, cells)
+    assert page.run(z, p).tonissen.value == pytest.approx(
+        z[np.arange(p.K), *cells.T].sum(), rel=1e-12
+    )
+
+
+def test_a_strong_turning_target_is_lost_by_tonissen_alone(page, p):
+    cells = page.truth(0.4, START, p, None)[1]
+    z = sensor.point_frames(np.zeros((p.K, *p.grid)), cells, 12.0)
+    far = [np.abs(track.cells - cells).max() for track in page.run(z, p)]
+    assert far[0] == far[2] == 0
+    assert far[1] > 2
+
+
+def test_one_frame_finds_the_target_as_often_as_the_integral_says(page, p):
+    """With one frame there is nothing to integrate, and all three sets agree."""
+    A, n, hits = float(sensor.point_amplitude(11.0)), 400, []
+    phi = lambda z: math.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)  # noqa: E731
+    exact = integrate.quad(lambda z: phi(z - A) * special.ndtr(z) ** 2499, A - 9, A + 9)[0]
+    rng = np.random.default_rng(8)
+    for _ in range(n):
+        z = sensor.point_frames(rng.standard_normal((1, *p.grid)), np.array([[25, 25]]), A)
+        z = page.prepare(z, p)
+        found = [page.track(z, f(p, float), p).cells[0].tolist() for f in page.ALGORITHMS]
+        assert found[0] == found[1] == found[2]
+        hits.append(found[0] == [25, 25])
+    assert np.mean(hits) == pytest.approx(exact, abs=4 * math.sqrt(exact * (1 - exact) / n))
+
+
+def test_single_and_double_precision_find_the_same_paths(page, p):
+    z = page.background(p, np.random.default_rng(9))
+    for one, two in zip(page.run(z, p), page.run(z.astype(float), p), strict=True):
+        np.testing.assert_array_equal(one.cells, two.cells)
+        assert one.value == pytest.approx(two.value, rel=1e-5)
+
+
+def test_a_constant_moves_the_weighted_paths_alone(page, p):
+    """Appendix F: every path of the other sets gains K times the constant."""
+    z = np.random.default_rng(10).normal(size=(p.K, *p.grid))
+    one, two = page.run(z, p), page.run(z + 4.0, p)
+    for name in ("conventional", "tonissen"):
+        assert getattr(one, name).cells.tolist() == getattr(two, name).cells.tolist()
+    assert one.weighted.cells.tolist() != two.weighted.cells.tolist()
 
 
 def test_square_law_squares(page, p):
@@ -133,15 +301,128 @@ def test_following_implies_finding(page, p):
         assert not (close.all(axis=1) & ~close[:, -1]).any()
 
 
+# A stranger's data --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def own(page):
+    return page.Params(K=5, grid=(9, 14), M=2, mean=1.0, sigma2=1.0)
+
+
+def noise(rng):
+    return rng.standard_exponential((5, 9, 14))
+
+
+@pytest.fixture(scope="module")
+def V_T(page, own):
+    peaks = page.noise_maxima(own, 200, np.random.default_rng(12), noise=noise)
+    return page.threshold(peaks, 0.1)
+
+
+@pytest.mark.parametrize("K", [2, 5, 30])
+def test_a_block_of_any_size_and_length(page, own, K):
+    z = np.random.default_rng(11).standard_exponential((K, 9, 14))
+    where = np.stack([np.full(K, 4), np.arange(K) % 10 + 2], axis=1) if K <= 10 else None
+    if where is not None:
+        z[np.arange(K), *where.T] += 40.0
+    tracks = page.run(z, replace(own, K=K))
+    assert all(track.cells.shape == (K, 2) for track in tracks)
+    if where is not None:
+        assert all(np.array_equal(track.cells, where) for track in tracks)
+
+
+def test_the_noise_of_a_stranger_is_taken_out(page, p):
+    z = np.random.default_rng(13).normal(size=(p.K, *p.grid))
+    for one, two in zip(
+        page.run(z, p), page.run(5.0 + 3.0 * z, replace(p, mean=5.0, sigma2=9.0)), strict=True
+    ):
+        assert one.cells.tolist() == two.cells.tolist()
+        assert one.value == pytest.approx(two.value, rel=1e-12)
+
+
+def test_integers_are_read_as_numbers_and_single_precision_is_kept(page, own):
+    z = np.random.default_rng(14).integers(0, 9, (5, 9, 14))
+    assert page.prepare(z, own).dtype == np.float64
+    assert page.prepare(z.astype(np.float32), own).dtype == np.float32
+    assert page.run(z, own).tonissen.value == page.run(z.astype(float), own).tonissen.value
+
+
+def test_a_threshold_keeps_its_false_alarm_probability(page, own, V_T):
+    rng = np.random.default_rng(15)
+    alarms = np.array(
+        [[t is not None for t in page.detect(noise(rng), own, V_T)] for _ in range(300)]
+    )
+    assert V_T.shape == (3,)
+    np.testing.assert_allclose(alarms.mean(axis=0), 0.1, atol=0.07)
+    assert alarms.any(axis=0).all()
+
+
+def test_a_threshold_is_the_quantile_of_the_maxima(page):
+    x = np.random.default_rng(16).gumbel(20.0, 0.7, (4000, 2))
+    exact = 20.0 - 0.7 * math.log(-math.log(0.99))
+    np.testing.assert_allclose(page.threshold(x, 0.01), exact, atol=0.15)
+
+
+def test_noise_is_normal_unless_it_is_given(page, own):
+    one = page.noise_maxima(own, 3, np.random.default_rng(17))
+    rng = np.random.default_rng(17)
+    two = [[t.value for t in page.run(page.background(own, rng), own)] for _ in range(3)]
+    np.testing.assert_array_equal(one, two)
+
+
+def test_a_strong_target_is_declared_and_noise_is_not(page, own, V_T):
+    z = noise(np.random.default_rng(18))
+    z[np.arange(5), 4, np.arange(3, 8)] += 20.0
+    found = page.detect(z, own, V_T)
+    assert all(t.cells.tolist() == [[4, 3 + k] for k in range(5)] for t in found)
+    assert page.detect(np.ones((5, 9, 14)), own, V_T) == (None, None, None)
+
+
+def test_an_energy_that_only_reaches_the_threshold_is_not_declared(page, own):
+    z = noise(np.random.default_rng(20))
+    values = np.array([track.value for track in page.run(z, own)])
+    assert page.detect(z, own, values) == (None, None, None)
+    assert None not in page.detect(z, own, values - 1e-6)
+
+
+def test_the_first_call_says_that_it_compiles_and_the_second_does_not(page, own, capsys):
+    page.SAID.clear()
+    page.run(np.ones((5, 9, 14)), own)
+    assert "the first call compiles" in capsys.readouterr().err
+    page.run(np.ones((5, 9, 14)), own)
+    assert capsys.readouterr().err == ""
+
+
+def test_the_manual_names_shapes_units_and_what_comes_back(page):
+    for word in ("(K, Nx, Ny)", "p.mean", "cells per frame", "cells (K, 2)", "V_T", "compiles"):
+        assert word in page.__doc__
+
+
+# Refusals -----------------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize(
     ("change", "word"),
     [
         ({"reading": "r"}, "reading"),
         ({"metric": "taxi"}, "metric"),
         ({"tolerance": -1}, "tolerance"),
+        ({"tolerance": 1.5}, "tolerance"),
+        ({"M": 2.5}, "M"),
+        ({"M": 0}, "M"),
+        ({"K": 0}, "K"),
+        ({"N": 0}, "N"),
+        ({"slack_pos": 2}, "slack_pos, slack_vel"),
+        ({"slack_vel": 0}, "slack_pos, slack_vel"),
         ({"a": 0.0}, "a"),
         ({"a": 1.5}, "a"),
+        ({"sigma2": 0.0}, "sigma2"),
+        ({"sigma2": math.inf}, "sigma2"),
+        ({"mean": math.nan}, "sigma2: 1.0, mean"),
+        ({"grid": (50, 6)}, "grid"),
+        ({"grid": (50, 50, 50)}, "grid"),
         ({"snr_db": (3, 5, 4)}, "snr_db"),
+        ({"snr_db": (3, math.nan)}, "snr_db"),
         ({"snr_db": ()}, "snr_db"),
         ({"turn_rates": ()}, "turn_rates"),
         ({"turn_rates": (0.2, 0.2)}, "turn_rates"),
@@ -153,14 +434,29 @@ def test_a_scenario_that_cannot_be_meant_is_refused_in_one_line(p, change, word)
     assert "\n" not in str(error.value)
 
 
-def test_frames_that_do_not_fit_are_refused_in_one_line(page, p):
-    for z, word in (
-        (np.zeros((3, 50, 49)), "fit the grid"),
+def test_a_scenario_at_the_edge_of_its_ranges_is_accepted(p):
+    for change in ({"a": 1.0}, {"K": 1}, {"tolerance": 0}, {"grid": (7, 7)}, {"N": 1}, {"M": 1}):
+        assert replace(p, **change)
+
+
+@pytest.mark.parametrize(
+    ("z", "word"),
+    [
+        (np.zeros((3, 50, 49)), "does not fit the grid"),
+        (np.zeros((3, 49, 50)), "does not fit the grid"),
+        (np.zeros((50, 50)), r"not \(K, Nx, Ny\)"),
+        (np.zeros((0, 50, 50)), "frames"),
         (np.full((2, 50, 50), np.nan), "nan in frame 0"),
-    ):
-        with pytest.raises(ValueError, match=word) as error:
-            page.run(z, p)
-        assert "\n" not in str(error.value)
+        (np.full((2, 50, 50), np.inf), "inf in frame 0"),
+        (np.zeros((2, 50, 50), complex), r"complex samples; pass abs\(z\)"),
+        (np.zeros((2, 50, 50), bool), "real numbers"),
+        (np.zeros((1, 50, 50)), "one frame is no block"),
+    ],
+)
+def test_frames_that_do_not_fit_are_refused_in_one_line(page, p, z, word):
+    with pytest.raises(ValueError, match=word) as error:
+        page.run(z, p)
+    assert "\n" not in str(error.value)
 
 
 def test_an_even_window_is_refused_in_one_line(page, p):
@@ -168,15 +464,45 @@ def test_an_even_window_is_refused_in_one_line(page, p):
         page.keeping(np.ones(4), 1, 0, p, float)
 
 
+@pytest.mark.parametrize("p_fa", [0.0, 1.0, -0.1, math.nan])
+def test_a_probability_that_is_none_is_refused(page, p_fa):
+    with pytest.raises(ValueError, match="^p_fa: .* is no probability"):
+        page.threshold(np.zeros((100, 3)), p_fa)
+
+
+def test_a_false_alarm_probability_that_the_blocks_cannot_resolve_says_how_many_it_takes(page):
+    with pytest.raises(ValueError, match="^p_fa: 999 .* cannot resolve 0.01; give 1000 blocks"):
+        page.threshold(np.zeros((999, 3)), 0.01)
+    peaks = np.random.default_rng(19).gumbel(size=(1000, 3))
+    assert page.threshold(peaks, 0.01).shape == (3,)
+
+
+def test_a_threshold_for_another_number_of_frames_is_refused(page, own, V_T):
+    with pytest.raises(ValueError, match="^frames: 4 of them, but V_T is for K = 5"):
+        page.detect(np.ones((4, 9, 14)), own, V_T)
+
+
 def test_a_target_that_leaves_the_region_is_refused_and_not_clipped(page, p):
-    cells = page.truth(-0.4, np.array([351_550.0, 350_350.0, 170.0, 190.0]), p, None)[1]
+    cells = page.truth(-0.4, START, p, None)[1]
     with pytest.raises(ValueError, match="outside"):
         sensor.point_frames(np.zeros((p.K, *p.grid)), cells, 1.0)
 
 
-def test_the_margin_is_as_wide_as_the_longest_step(page, p):
-    assert page.reach(p) == p.M + p.slack_pos
-    assert (
-        page.prepare(np.zeros((1, *p.grid)), p).shape
-        == dynprog.margin(np.zeros((1, *p.grid)), 4).shape
-    )
+# What the page says of its committed run ----------------------------------------------------------
+
+
+def test_the_text_on_the_speed_holds_for_the_committed_run():
+    """Section 5.5: a loss where steps alternate, none at whole cells per frame."""
+    table = pd.read_csv(paths.PRODUCTS / "dp_tbd" / "beyond_speed.csv")
+    for series, part in table[table["se"].notna()].groupby("series"):
+        y, se = (part.set_index("x")[name] for name in ("y", "se"))
+        assert y.idxmax() == 150, series
+        assert y[150] > 5 * se[150], series
+        assert y[200] < 2.6 * se[200], series
+
+
+def test_the_text_on_the_integration_gain_holds_for_the_committed_run():
+    """Section 5.6: more than half of what known paths would give, in decibels."""
+    table = pd.read_csv(paths.PRODUCTS / "dp_tbd" / "beyond_threshold.csv")
+    assert table["V_T, fitted"].idxmax() == 0
+    np.testing.assert_allclose(table["V_T, fitted"], table["V_T, counted"], rtol=0.02)
