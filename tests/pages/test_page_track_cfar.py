@@ -1,17 +1,18 @@
 """The page of the constant-track-false-alarm paper, run as the page shows it, against oracles of
-its own.
+its own: enumeration, formulas typed once more, every cell drawn.
 """
 
 import itertools
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import detection, score
-from tbdcore.repro import trials
+from tbdcore import detection, kalman, score
+from tbdcore.repro import pages, trials
 
 
 @pytest.fixture(scope="module")
@@ -24,86 +25,141 @@ def p(page):
     return page.Scenario()
 
 
-def flights(page, p, z, d, n, seed):
-    """Flights of the page, one after the other: when they died, which frames hit, and the design's
-    eta.
-    """
+def generator(i, seed=9):
+    return trials.generator(seed, "track_cfar", "test", i, "noise")
 
-    def trial(seed, i):
-        return page.fly(
-            page.simulate(z, p, trials.generator(seed, "track_cfar", "test", i, "noise")), z, d
-        )
 
-    return trials.run(trial, n, seed=seed, workers=1)
+def flights(page, p, d, n, seed):
+    """Flights of the page, one after the other: when they died, which frames hit, thresholds."""
+    z = page.truth(p)
+    each = [page.fly(page.simulate(z, p, generator(i, seed)), z, d) for i in range(n)]
+    return [np.array(column) for column in zip(*each, strict=True)]
+
+
+def quiet_scene(page, p, i=0):
+    """A scene without false alarms."""
+    return page.simulate(page.truth(p), p, generator(i))._replace(u=np.ones(p.frames))
+
+
+def plots_of(page, p, scene):
+    """Plots of a scene, shape (K + 2, 2)."""
+    z = page.truth(p)
+    return z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
+
+
+def scans_of(page, p, scene):
+    """Scans that hold the target's plot alone, for `run`."""
+    lam = [np.inf, np.inf, *scene.lam]
+    return [
+        np.array([[*plot, power]])
+        for plot, power in zip(plots_of(page, p, scene), lam, strict=True)
+    ]
+
+
+def same_flight(slow, fast, p):
+    """Whether a list of tracks of `run` is a compiled flight: deaths, hits, thresholds."""
+    died, hit, eta = fast
+    assert len(slow) == min(died + 1, p.frames)
+    np.testing.assert_allclose([t.eta for t in slow], eta[: len(slow)], rtol=1e-9, atol=1e-12)
+    assert [t.plot >= 0 for t in slow] == list(hit[: len(slow)] == 1)
+    assert not hit[len(slow) :].any()
+    assert np.isnan(eta[len(slow) :]).all()
+    assert (slow[-1].misses == p.miss_limit) == (died < p.frames)
+
+
+# The rule ----------------------------------------------------------------------------------------
 
 
 def test_frame_false_alarm_probability(page, p):
     assert math.isclose(page.frame_pfa(p), 0.034511, abs_tol=5e-7)
+    for M, P_F in itertools.product((1, 2, 5, 10), (1e-9, 0.1, 0.999)):
+        q = replace(p, miss_limit=M, track_pfa=P_F)
+        assert math.isclose(1 - (1 - page.frame_pfa(q)) ** M, P_F, rel_tol=1e-6)
 
 
-def test_traditional_chain_is_the_known_one(page, p):
-    """The parameter-free oracle: 14.106 dB joint, 286.69 km entering, 281.69 km after the decision."""
-    life, z = page.chain(p, p.cell_pfa), page.truth(p)
-    S, R = detection.to_db(page.snr(z[2:, 0], p)), z[2:, 0] / 1e3
-    assert round(score.crossing(S, life.detected, 0.5), 3) == 14.106
-    assert round(score.crossing(R, life.entering, 0.5), 2) == 286.69
-    assert round(score.crossing(R, life.after, 0.5), 2) == 281.69
-
-
-def test_chain_equals_the_tree_of_miss_histories(page, p):
-    """With a target that is detected with known probabilities, every history of the first frames
-    enumerated.
-    """
-    short = replace(p, frames=7)
-    z, P_f = page.truth(short), 1e-6
-    P_d = P_f ** (1 / (1 + page.snr(z[2:, 0], replace(short, snr0_db=14.0))))
-    life = page.chain(replace(short, snr0_db=14.0), P_f)
-    alive = np.zeros(8)
-    for history in itertools.product((0, 1), repeat=7):
-        weight = math.prod(d if plot else 1 - d for plot, d in zip(history, P_d, strict=True))
-        runs = [len(run) for run in "".join(map(str, history)).split("1")]
-        deaths = [k for k in range(3, 8) if history[k - 3 : k] == (0, 0, 0)]
-        assert bool(deaths) == (max(runs) >= 3)
-        alive[: deaths[0] if deaths else 8] += weight
+def test_gate_false_alarm_probability_and_its_cap(page, p):
+    V_c = math.prod(p.cell)
+    assert p.cell == (150.0, math.radians(2.0))
+    volumes = V_c * np.array([1e-6, 1.0, 10.0])
     np.testing.assert_allclose(
-        life.after, alive[1:], atol=1e-4
-    )  # false plots: 1e-6 in each of some tens of cells
-
-
-def test_flights_follow_the_chain(page, p):
-    z, d = page.truth(p), page.design(p, p.cell_pfa)
-    died, hit, _ = flights(page, p, z, d, 3000, seed=1)
-    life = page.chain(p, p.cell_pfa)
-    k = np.flatnonzero((life.entering > 0.02) & (life.entering < 0.98))
-    q = life.entering[k]
-    gap = ((died[:, None] >= k).mean(axis=0) - q) / np.sqrt(q * (1 - q) / 3000)
-    assert np.abs(gap).max() < 4.5
-    q = life.detected[k]
-    assert np.abs((hit[:, k].mean(axis=0) - q) / np.sqrt(q * (1 - q) / 3000)).max() < 4.5
-
-
-def test_vanished_target_leaves_the_design_probability(page, p):
-    short = replace(p, frames=13)
-    z, d = page.truth(short), page.design(short, vanish=10)
-    died, _, _ = flights(page, short, z, d, 4000, seed=2)
-    assert abs((died > 12).mean() - 0.1) < 4 * math.sqrt(0.1 * 0.9 / 4000)
-
-
-def test_compiled_flight_equals_run(page, p):
-    """The page's own comparison, with other scenes."""
-    z = page.truth(p)
-    scene = page.simulate(z, p, trials.generator(9, "track_cfar", "test", 0, "noise"))._replace(
-        u=np.ones(p.frames)
+        page.gate_pfa(volumes, p), [1.0, page.frame_pfa(p), page.frame_pfa(p) / 10], rtol=1e-12
     )
-    plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
-    scans = [
-        np.array([[*plot, lam]])
-        for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)
-    ]
-    slow = [track.eta for track in page.run(scans, p)]
-    died, _, eta = page.fly(scene, z, page.design(p))
-    assert len(slow) == min(died + 1, p.frames)
-    np.testing.assert_allclose(slow, eta[: len(slow)], rtol=1e-9)
+
+
+def test_snr_and_accuracy(page, p):
+    assert math.isclose(page.snr(2e5, p), 1000 / 16, rel_tol=1e-12)
+    q = replace(p, range_noise=2.0, angle_noise=3.0)
+    sides = np.array([2 * 150.0, 3 * math.radians(2.0)])
+    np.testing.assert_allclose(page.variances(2e5, q), sides**2 / (2 * 1000 / 16), rtol=1e-12)
+
+
+def test_truth_flies_straight_away(page, p):
+    z = page.truth(replace(p, frames=3))
+    np.testing.assert_allclose(z[:, 0], [90e3, 95e3, 100e3, 105e3, 110e3])
+    assert (z[:, 1] == math.radians(45)).all()
+
+
+def test_a_gate_is_filled_by_the_shares_of_its_cells(page, p):
+    rng = np.random.default_rng(5)
+    for zhat in rng.uniform([1e5, -3], [4e5, 3], (50, 2)):
+        half = rng.uniform([10, 0.002], [900, 0.2])
+        beta = page.effective_volumes(zhat, half, p)
+        assert math.isclose(beta.sum() * math.prod(p.cell), math.prod(2 * half), rel_tol=1e-9)
+        assert np.allclose(beta[1:-1, 1:-1], 1, rtol=1e-9)
+        assert ((beta > 0) & (beta <= 1 + 1e-9)).all()
+        P_f = float(page.gate_pfa(math.prod(2 * half), p))
+        got = page.realised(P_f, beta)
+        assert math.isclose(got, 1 - math.prod(1 - b * P_f for b in beta.ravel()), rel_tol=1e-9)
+        assert 1 - math.exp(-page.frame_pfa(p)) - 1e-12 <= got <= page.frame_pfa(p) + 1e-12
+
+
+# The algorithm -----------------------------------------------------------------------------------
+
+
+def test_the_first_frame_by_hand(page, p):
+    """Formulas typed once more, without the core."""
+    scene = quiet_scene(page, p)
+    scans, T = scans_of(page, p, scene), p.scan
+    places, spreads = [], []
+    for r, a in (scans[0][0, :2], scans[1][0, :2]):
+        turn = np.array([[math.cos(a), -r * math.sin(a)], [math.sin(a), r * math.cos(a)]])
+        S = 1000 * (1e5 / r) ** 4
+        places.append(r * turn[:, 0])
+        spreads.append(turn @ np.diag(np.array(p.cell) ** 2 / (2 * S)) @ turn.T)
+    x, P = np.column_stack([places[1], (places[1] - places[0]) / T]).ravel(), np.empty((4, 4))
+    P[::2, ::2], P[1::2, 1::2] = spreads[1], sum(spreads) / T**2
+    P[::2, 1::2] = P[1::2, ::2] = spreads[1] / T
+    F = np.kron(np.eye(2), [[1, T], [0, 1]])
+    Q = p.sigma_p**2 * np.kron(np.eye(2), [[T**3 / 3, T**2 / 2], [T**2 / 2, T]])
+    x, P = F @ x, F @ P @ F.T + Q
+    r, a = math.hypot(x[0], x[2]), math.atan2(x[2], x[0])
+    H = np.array([[x[0] / r, 0, x[2] / r, 0], [-x[2] / r**2, 0, x[0] / r**2, 0]])
+    D = H @ P @ H.T + np.diag(np.array(p.cell) ** 2 / (2000 * (1e5 / r) ** 4))
+    V_p = (2 * p.gate_g) ** 2 * math.sqrt(D[0, 0] * D[1, 1])
+    y = scans[2][0, :2] - [r, a]
+    K = P @ H.T @ np.linalg.inv(D)
+    track = page.run(scans[:3], p)[0]
+    P_Z = 1 - 0.9 ** (1 / 3)
+    assert math.isclose(track.eta, -math.log(P_Z * math.prod(p.cell) / V_p), rel_tol=1e-9)
+    np.testing.assert_allclose(track.half, p.gate_g * np.sqrt(np.diag(D)), rtol=1e-9)
+    np.testing.assert_allclose(track.x, x + K @ y, rtol=1e-9)
+    np.testing.assert_allclose(track.P, (np.eye(4) - K @ H) @ P, rtol=1e-6, atol=1e-6)
+    assert (track.misses, track.plot) == (0, 0)
+
+
+@pytest.mark.parametrize("p_cell", [None, 1e-6])
+@pytest.mark.parametrize("g", [2.0, 3.0, 4.0])
+def test_compiled_flight_equals_run(page, p, g, p_cell):
+    """Deaths, thresholds, and hits, which count in the gate only: at g = 2 it is often missed."""
+    p, outside = replace(p, gate_g=g), 0
+    z = page.truth(p)
+    for i in range(6):
+        scene = quiet_scene(page, p, i)
+        slow = page.run(scans_of(page, p, scene), p, p_cell)
+        same_flight(slow, page.fly(scene, z, page.design(p, p_cell or 0.0)), p)
+        over = [scene.lam[k] > t.eta for k, t in enumerate(slow)]
+        outside += sum(over) - sum(t.plot >= 0 for t in slow)
+    assert outside >= (5 if g == 2 else 0)
 
 
 @pytest.mark.parametrize(
@@ -116,76 +172,506 @@ def test_compiled_flight_equals_run(page, p):
     ],
 )
 def test_compiled_flight_equals_run_at_the_ends_of_the_ranges(page, p, change, capped):
-    """Where the cap on eq. (13) acts from the first frame on, and where the counter has one state
-    or ten.
-    """
+    """Where the cap on eq. (13) acts from the first frame on; a counter of 1 or of 10 states."""
     p = replace(p, **change)
+    scene = quiet_scene(page, p)
+    slow = page.run(scans_of(page, p, scene), p)
+    same_flight(slow, page.fly(scene, page.truth(p), page.design(p)), p)
+    assert (slow[0].eta == 0) == capped
+
+
+def test_a_target_that_vanishes_is_not_seen(page, p):
+    scene = quiet_scene(page, p)
+    died, hit, _ = page.fly(scene, page.truth(p), page.design(p, vanish=10))
+    assert hit[9] == 1
+    assert not hit[10:].any()
+    assert died <= 12
+
+
+def test_a_blind_track_is_deleted_at_its_last_miss(page, p):
+    for M in (1, 3, 7):
+        q = replace(p, miss_limit=M)
+        blind = quiet_scene(page, q)._replace(lam=np.zeros(q.frames))
+        assert page.fly(blind, page.truth(q), page.design(q))[0] == M - 1
+        slow = page.run(scans_of(page, q, blind), q)
+        assert [t.misses for t in slow] == list(range(1, M + 1))
+
+
+def test_a_scene_is_drawn_as_written(page, p):
+    """Echo and noise as complex numbers, from the same stream."""
     z = page.truth(p)
-    scene = page.simulate(z, p, trials.generator(9, "track_cfar", "test", 0, "noise"))._replace(
-        u=np.ones(p.frames)
-    )
-    plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
-    scans = [
-        np.array([[*plot, lam]])
-        for plot, lam in zip(plots, [np.inf, np.inf, *scene.lam], strict=True)
-    ]
-    slow = page.run(scans, p)
-    died, _, eta = page.fly(scene, z, page.design(p))
-    assert len(slow) == min(died + 1, p.frames)
+    scene, rng = page.simulate(z, p, generator(3)), generator(3)
+    echo, noise = (rng.standard_normal((p.frames, 2)).view(complex)[:, 0] for _ in range(2))
+    x = math.sqrt(0.5) * (np.sqrt(page.snr(z[2:, 0], p)) * echo + noise)
+    np.testing.assert_allclose(scene.lam, np.abs(x) ** 2, rtol=1e-12)
+    np.testing.assert_array_equal(scene.e, rng.standard_normal(z.shape))
+    np.testing.assert_array_equal(scene.u, rng.random(p.frames))
+    np.testing.assert_array_equal(scene.v, rng.random((p.frames, 2)))
+
+
+def test_false_alarms_are_those_of_every_cell(page, p):
+    """On scans in which every cell is drawn `run` lives as long as the compiled flight."""
+    p, n = replace(p, snr0_db=20.0, frames=40), 120
+    z = page.truth(p)
+    i, j = (grid.ravel() for grid in np.mgrid[-9:10, -6:7])
+    slow, fast = [], []
+    for trial in range(n):
+        rng = generator(trial, seed=11)
+        scans = scans_of(page, p, page.simulate(z, p, rng))
+        for k in range(2, len(scans)):
+            corner = np.floor(z[k] / p.cell) + np.stack([i, j], axis=-1)
+            place = (corner + rng.random(corner.shape)) * p.cell
+            noise = np.column_stack([place, rng.standard_exponential(len(place))])
+            scans[k] = np.vstack([scans[k], noise])
+        slow.append(len(page.run(scans, p)))
+        fast.append(page.fly(page.simulate(z, p, rng), z, page.design(p))[0] + 1)
+    gap = np.mean(slow) - np.mean(np.minimum(fast, p.frames))
+    assert abs(gap) < 4 * math.sqrt((np.var(slow) + np.var(fast)) / n)
+
+
+# The chain ---------------------------------------------------------------------------------------
+
+
+def test_traditional_chain_is_the_known_one(page, p):
+    """14.106 dB joint, 286.69 km entering, 281.69 km after: the parameter-free oracle."""
+    life, z = page.chain(replace(p, gate_g=6.0), p.cell_pfa), page.truth(p)
+    S, R = detection.to_db(page.snr(z[2:, 0], p)), z[2:, 0] / 1e3
+    assert abs(score.crossing(S, life.detected, 0.5) - 14.106) < 0.0011
+    assert abs(score.crossing(R, life.entering, 0.5) - 286.69) < 0.011
+    assert abs(score.crossing(R, life.after, 0.5) - 281.69) < 0.011
+
+
+def test_chain_equals_the_tree_of_miss_histories(page, p):
+    """With known probabilities of detection, every history of the first frames enumerated."""
+    short, P_f = replace(p, frames=7, snr0_db=14.0), 1e-6
+    z, P_g = page.truth(short), 0.9998733
+    P_d = P_g * P_f ** (1 / (1 + page.snr(z[2:, 0], short)))
+    life = page.chain(short, P_f)
+    alive, joint = np.zeros(8), np.zeros(7)
+    for history in itertools.product((0, 1), repeat=7):
+        weight = math.prod(d if plot else 1 - d for plot, d in zip(history, P_d, strict=True))
+        deaths = [k for k in range(3, 8) if history[k - 3 : k] == (0, 0, 0)]
+        alive[: deaths[0] if deaths else 8] += weight
+        joint += weight * np.array(history) * (np.arange(7) < (deaths[0] if deaths else 8))
+    np.testing.assert_allclose(life.after, alive[1:], atol=1e-4)  # false plots: 1e-6 in each cell
+    np.testing.assert_allclose(life.entering, alive[:-1], atol=1e-4)
+    np.testing.assert_allclose(life.detected, joint, atol=1e-4)
+    np.testing.assert_allclose(life.eta, -math.log(P_f), rtol=1e-12)
+
+
+def test_chain_without_a_target_is_the_tree(page, p):
+    """Existence after k empty frames with a clean counter, every history enumerated."""
+    wide, P_Z = replace(p, frames=9, gate_g=1e9), page.frame_pfa(p)
+    tree = np.zeros(9)
+    for k in range(1, 10):
+        for history in itertools.product("01", repeat=k):
+            alive = max(map(len, "".join(history).split("1"))) < 3
+            tree[k - 1] += alive * math.prod(P_Z if plot == "1" else 1 - P_Z for plot in history)
+    np.testing.assert_allclose(page.chain(wide, vanish=0).after, tree, rtol=1e-12)
     np.testing.assert_allclose(
-        [track.eta for track in slow], eta[: len(slow)], rtol=1e-9, atol=1e-12
+        page.chain(wide, p_frame=np.full(3, P_Z), vanish=0).after, tree, rtol=1e-12
     )
-    assert (eta[0] == 0) == capped
+    rising = page.chain(wide, p_frame=np.array([1e-15, 1e-15, 0.5]), vanish=0).after
+    np.testing.assert_allclose(rising[:3], [1, 1, 0.5], rtol=1e-12)
 
 
 def test_without_a_target_the_chain_keeps_its_promise_and_the_cap_makes_it_smaller(page, p):
     strong = replace(p, snr0_db=60.0, frames=p.miss_limit)
-    assert math.isclose(
-        page.chain(replace(strong, gate_g=1e9), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12
+
+    def left(q):
+        return page.chain(q, vanish=0).after[-1]
+
+    assert math.isclose(left(replace(strong, gate_g=1e9)), p.track_pfa, rel_tol=1e-9)
+    assert left(strong) < 0.5 * p.track_pfa
+    assert math.isclose(left(replace(strong, snr0_db=0.0)), p.track_pfa, rel_tol=1e-9)
+
+
+def test_chains_of_many_designs_are_chains_of_each(page, p):
+    factors = np.array([0.5, 1.0, 2.0])
+    many = page.chain(
+        replace(p, range_noise=factors[:, None], sigma_p=0.3 * factors[:, None], frames=30)
     )
-    assert page.chain(strong, vanish=0).after[-1] < 0.5 * p.track_pfa
-    assert math.isclose(
-        page.chain(replace(strong, snr0_db=0.0), vanish=0).after[-1], p.track_pfa, rel_tol=1e-12
-    )
+    for i, factor in enumerate(factors):
+        one = page.chain(replace(p, range_noise=factor, sigma_p=0.3 * factor, frames=30))
+        for ours, theirs in zip(many, one, strict=True):
+            np.testing.assert_allclose(ours[i], theirs, rtol=1e-9)
 
 
-def test_filter_is_consistent_in_the_nominal_scene(page, p):
-    """NEES of a filter matched to the straight target (no process noise) has mean 4 and variance 8."""
-    p, z, k, n = replace(p, sigma_p=0.0, frames=20), None, 15, 150
-    z, nees = page.truth(p), []
-    for i in range(n):
-        scene = page.simulate(z, p, trials.generator(4, "track_cfar", "test", i, "noise"))
-        plots = z + np.sqrt(page.variances(z[:, 0], p)) * scene.e
-        track = page.run([np.array([[*plot, np.inf]]) for plot in plots[: k + 3]], p)[k]
-        r, a = z[k + 2]
-        state = np.array(
-            [r * math.cos(a), p.speed * math.cos(a), r * math.sin(a), p.speed * math.sin(a)]
-        )
-        nees.append((track.x - state) @ np.linalg.solve(track.P, track.x - state))
-    assert abs(np.mean(nees) - 4) < 4 * math.sqrt(8 / n)
+@pytest.mark.parametrize("p_cell", [1e-6, 0.0])
+def test_flights_follow_the_chain(page, p, p_cell):
+    """Traditional within chance, proposed within two hundredths."""
+    n, k = 2500, np.arange(p.frames)
+    died, hit, eta = flights(page, p, page.design(p, p_cell), n, seed=1)
+    life, slack = page.chain(p, p_cell or None), 0.0 if p_cell else 0.02
+    alive = (died[:, None] >= k).mean(axis=0)
+    for share, q in ((alive, life.entering), (hit.mean(axis=0), life.detected)):
+        often = np.minimum(q, 1 - q) * n > 50
+        se = np.sqrt(q * (1 - q) / n)[often]
+        assert (np.abs(share - q)[often] < 4.5 * se + slack).all()
+    np.testing.assert_allclose(np.nanmean(eta[:, :30], axis=0), life.eta[:30], atol=0.05)
 
 
-def test_exact_frame_probability_is_never_below_the_approximation(page, p):
-    rng = np.random.default_rng(5)
-    for zhat in rng.uniform([1e5, -3], [4e5, 3], (30, 2)):
-        half = rng.uniform([10, 0.002], [600, 0.1])
-        P_f = float(page.gate_pfa(math.prod(2 * half), p))
-        beta = page.effective_volumes(zhat, half, p)
-        realised = 1 - np.prod(1 - beta * P_f)
-        assert math.isclose(beta.sum() * math.prod(p.cell), math.prod(2 * half), rel_tol=1e-9)
-        assert 1 - math.exp(-page.frame_pfa(p)) - 1e-12 <= realised <= page.frame_pfa(p) + 1e-12
+@pytest.mark.parametrize("p_cell", [1e-6, 0.0])
+def test_a_narrow_gate_loses_plots_in_flight_and_chain(page, p, p_cell):
+    """At g = 2 the range is that of the flights within 6 km; without P_g it was 20 km too long."""
+    p, n = replace(p, gate_g=2.0), 1500
+    died, hit, _ = flights(page, p, page.design(p, p_cell), n, seed=5)
+    life, R = page.chain(p, p_cell or None), page.truth(p)[2:, 0] / 1e3
+    alive = (died[:, None] >= np.arange(p.frames)).mean(axis=0)
+    reach = [score.crossing(R, curve, 0.5) for curve in (alive, life.entering)]
+    assert abs(reach[0] - reach[1]) < 6
+    assert np.abs(hit.mean(axis=0) - life.detected).max() < 0.08
+    assert life.detected[0] < 0.9111
+
+
+def test_vanished_target_leaves_the_design_probability(page, p):
+    short = replace(p, frames=13)
+    died, _, _ = flights(page, short, page.design(short, vanish=10), 4000, seed=2)
+    assert abs((died > 12).mean() - 0.1) < 4 * math.sqrt(0.1 * 0.9 / 4000)
 
 
 def test_threshold_has_its_floor(page, p):
     """D is never smaller than R, so eta >= ln(32 / (P_Z S)) with the default accuracies."""
     z = page.truth(p)
-    _, _, eta = page.fly(
-        page.simulate(z, p, trials.generator(6, "track_cfar", "test", 0, "noise")),
-        z,
-        page.design(p),
-    )
+    _, _, eta = page.fly(page.simulate(z, p, generator(0, 6)), z, page.design(p))
     alive = np.isfinite(eta)
     floor = np.log(32 / (page.frame_pfa(p) * page.snr(z[2:, 0], p)))
-    assert (
-        eta[alive] > floor[alive] - 0.2
-    ).all()  # S at the predicted range differs a little from S at the true one
+    # S at the predicted range differs a little from S at the true one
+    assert (eta[alive] > floor[alive] - 0.2).all()
+
+
+def test_filter_is_consistent_in_the_nominal_scene(page, p):
+    """NEES of a filter matched to the straight target (no process noise): mean 4, variance 8."""
+    p, k, n = replace(p, sigma_p=0.0, frames=20), 15, 120
+    z, nees = page.truth(p), []
+    for i in range(n):
+        plots = plots_of(page, p, page.simulate(z, p, generator(i, 4)))
+        track = page.run([np.array([[*plot, np.inf]]) for plot in plots[: k + 3]], p)[k]
+        r, a = z[k + 2]
+        state = np.array([r, p.speed, r, p.speed]) * np.repeat([math.cos(a), math.sin(a)], 2)
+        nees.append((track.x - state) @ np.linalg.solve(track.P, track.x - state))
+    assert abs(np.mean(nees) - 4) < 4 * math.sqrt(8 / n)
+
+
+def test_the_error_of_a_crossing_is_that_of_many_runs():
+    """The page's influences against the scatter of independent curves."""
+    cells = pages.cells("track_cfar")
+    names = {"np": np, "math": math, "score": score, "LEVEL": 0.5}
+    for start in ("def half_at", "def crossed"):
+        exec(next(cell for cell in cells if cell.startswith(start)), names)
+    rng, x, n = np.random.default_rng(3), np.arange(8.0), 400
+    curve = np.linspace(0.9, 0.1, 8)
+    found = [names["crossed"](x, rng.random((n, 1)) < curve) for _ in range(600)]
+    at = np.array([one for one, _ in found])
+    stated = np.mean([np.std(influence) / math.sqrt(n) for _, influence in found])
+    assert abs(at.mean() - 3.5) < 4 * at.std() / math.sqrt(len(at))
+    assert abs(stated / at.std() - 1) < 0.15
+    at, influence = names["crossed"](x, np.ones((5, 8)))
+    assert math.isnan(at)
+    assert np.isnan(influence).all()
+
+
+# Readings of what the paper leaves open ----------------------------------------------------------
+
+
+def one_choice(page, p, found, plot, own, **readings):
+    """`choose` in a frame with one false plot; and the false plot itself."""
+    d = page.design(p, **readings)
+    scene = page.Scene(np.ones(1), np.zeros((3, 2)), np.array([0.0123456]), np.array([[0.3, 0.7]]))
+    centre, half, D, P_f = (2e5, 0.7), (100.0, 0.02), (625.0, 0.0, 2.5e-5), 0.2
+    alarm, *false = detection.false_plot(scene.u[0], scene.v[0], centre, half, d.cell, P_f, 0)
+    assert alarm
+    place = (2e5 + false[0], 0.7 + false[1]) if own else (1e5, 0.0)
+    return page.choose(scene, 0, found, plot, place, centre, half, D, P_f, d), false
+
+
+def test_the_nearest_or_the_strongest_plot_is_used(page, p):
+    here, there = (1e-3, 1e-7, 50.0), (99.0, 0.019, 50.0)
+    for plot, nearest in ((here, here), (there, None)):
+        (found, y), false = one_choice(page, p, True, plot, False)
+        assert found
+        np.testing.assert_allclose(y[:2], false if nearest is None else nearest[:2])
+    for lam, wins in ((50.0, False), (1.0, True)):
+        (found, y), false = one_choice(page, p, True, (1e-3, 1e-7, lam), False, strongest=True)
+        np.testing.assert_allclose(y[:2], false if wins else (1e-3, 1e-7))
+        assert y[2] > -math.log(0.2) if wins else y[2] == lam
+
+
+def test_the_targets_own_cell_may_be_spared(page, p):
+    for own, spared, found in ((True, True, False), (True, False, True), (False, True, True)):
+        (seen, _), _ = one_choice(page, p, False, (0.0, 0.0, 0.0), own, spared=spared)
+        assert seen == found
+    (seen, _), _ = one_choice(page, p, False, (0.0, 0.0, 0.0), True, spared=True, vanish=0)
+    assert seen  # no target, so no cell of its own
+
+
+def test_a_gate_inside_the_targets_own_cell_has_no_false_alarms_if_it_is_spared(page, p):
+    """Cells of one step, the target in their middle: spared flights are those without alarms."""
+    p = replace(p, bandwidth=0.03, range0=502.5, range_noise=0.3, angle_noise=0.3, frames=10)
+    p = replace(p, snr0_db=15.0, miss_limit=10, track_pfa=0.5)
+    z, changed = page.truth(p), 0
+    for i in range(60):
+        scene = page.simulate(z, p, generator(i, 13))
+        scene.lam[::2] = 0.0  # the target is seen in every second frame
+        quiet = page.fly(scene._replace(u=np.ones(p.frames)), z, page.design(p))
+        spared = page.fly(scene, z, page.design(p, spared=True))
+        for ours, theirs in zip(spared, quiet, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+        changed += not np.array_equal(page.fly(scene, z, page.design(p))[2], quiet[2])
+    assert changed > 5
+
+
+def test_accuracy_may_follow_the_statistic(page, p):
+    """instant = 1 and 2 against `run` on plots with errors of their own."""
+    z = page.truth(p)
+    for i in range(4):
+        scene = quiet_scene(page, p, i)
+        sd = np.array(p.cell) / np.sqrt(2 * scene.lam[:, None])
+        scans = scans_of(page, p, scene)[:2]
+        for k in range(p.frames):
+            scans.append(np.array([[*(z[k + 2] + sd[k] * scene.e[k + 2]), scene.lam[k]]]))
+        slow = page.run(scans, p)
+        same_flight(slow, page.fly(scene, z, page.design(p, instant=1)), p)
+        wide = [np.hstack([cells, sd[k - 2 : k - 1]]) for k, cells in enumerate(scans[2:], 2)]
+        slow = page.run(scans[:2] + wide, p, accuracy=lambda r: np.sqrt(page.variances(r, p)))
+        same_flight(slow, page.fly(scene, z, page.design(p, instant=2)), p)
+
+
+def test_another_tracker(page, p):
+    """The converted-measurement filter by dense formulas, and close to the extended one."""
+    scene = quiet_scene(page, p)
+    scans, q = scans_of(page, p, scene)[:12], replace(p, tracker="converted-measurement filter")
+    ekf, other = (page.run(scans, s) for s in (p, q))
+    assert math.dist(ekf[-1].x[::2], other[-1].x[::2]) < 4 * math.sqrt(
+        np.trace(ekf[-1].P[::2, ::2])
+    )
+    at = page.predict(ekf[3], q)
+    z = scans[6][0, :2]
+    x, P = page.converted_update(at, z, at.R)
+    C, H = kalman.polar_noise(z, at.R), np.eye(4)[::2]
+    K = at.P @ H.T @ np.linalg.inv(H @ at.P @ H.T + C)
+    np.testing.assert_allclose(x, at.x + K @ (kalman.cartesian(z) - at.x[::2]), rtol=1e-9)
+    np.testing.assert_allclose(P, (np.eye(4) - K @ H) @ at.P, rtol=1e-5, atol=1e-6)
+    one = page.run(scans[4:5], q, start=(ekf[1].x, ekf[1].P))[0]
+    np.testing.assert_allclose(
+        one.x,
+        page.converted_update(page.predict(ekf[1], q), scans[4][0, :2], page.predict(ekf[1], q).R)[
+            0
+        ],
+        rtol=1e-12,
+    )
+
+
+# Own data ----------------------------------------------------------------------------------------
+
+
+def my_scans(n=40, seed=1):
+    """A target that passes by, plots of 10 m and 2 mrad, fifty false candidates a scan."""
+    rng = np.random.default_rng(seed)
+    place = np.array([20e3, 9e3]) + np.outer(4.0 * np.arange(n), [-120.0, 90.0])
+    true = np.column_stack([np.hypot(*place.T), np.arctan2(place[:, 1], place[:, 0])])
+    plots = true + rng.standard_normal((n, 2)) * [10.0, 0.002]
+    scans = []
+    for i in range(n):
+        false = np.zeros((50 if i > 1 else 0, 3))
+        false[:, :2] = plots[i] + rng.uniform([-1000, -0.2], [1000, 0.2], (len(false), 2))
+        false[:, 2] = 3.0 + rng.standard_exponential(len(false))
+        scans.append(np.vstack([[*plots[i], 30.0], false]))
+    return scans, place
+
+
+def mine(page, **change):
+    return page.Scenario(
+        **({"scan": 4.0, "bandwidth": 5.0, "beamwidth": 1.5, "sigma_p": 1.0} | change)
+    )
+
+
+def test_plots_of_ten_metres_keep_their_track(page):
+    scans, place = my_scans()
+    flown = page.run(scans, mine(page), accuracy=(10.0, 0.002))
+    assert len(flown) == 38
+    assert all(math.dist(t.x[::2], place[i]) < 120 for i, t in enumerate(flown, start=2))
+    assert sum(t.plot == 0 for t in flown) > 33
+
+
+def test_three_ways_to_state_the_accuracy_are_one(page):
+    scans, _ = my_scans()
+    wide = [np.hstack([cells, np.tile([10.0, 0.002], (len(cells), 1))]) for cells in scans]
+    ways = [
+        page.run(scans, mine(page), accuracy=(10.0, 0.002)),
+        page.run(scans, mine(page), accuracy=lambda r: [10.0, 0.002]),
+        page.run(wide, mine(page)),
+        page.run([cells.tolist() for cells in wide], mine(page)),
+    ]
+    for other in ways[1:]:
+        np.testing.assert_allclose([t.x for t in other], [t.x for t in ways[0]], rtol=1e-9)
+        assert [t.plot for t in other] == [t.plot for t in ways[0]]
+
+
+def test_the_accuracy_may_depend_on_range_and_on_the_plot(page):
+    scans, _ = my_scans()
+    seen = []
+
+    def accuracy(r):
+        seen.append(r)
+        return 1e-3 * r, 0.002
+
+    page.run(scans[:5], mine(page), accuracy=accuracy)
+    assert all(20e3 < r < 24e3 for r in seen)
+    start = page.run(scans[:4], mine(page), accuracy=(10.0, 0.002))[-1]
+    sharp, dull = (
+        page.run(
+            [np.hstack([scans[4][:1], [[s, 1e-4 * s]]])],
+            mine(page),
+            start=start[:2],
+            accuracy=(10.0, 0.002),
+        )
+        for s in (1.0, 100.0)
+    )
+    assert sharp[0].eta == dull[0].eta  # the gate is opened by `accuracy`
+    assert sharp[0].P[0, 0] < dull[0].P[0, 0]
+
+
+def test_a_track_starts_from_a_state(page):
+    scans, place = my_scans()
+    whole = page.run(scans, mine(page), accuracy=(10.0, 0.002))
+    rest = page.run(scans[10:], mine(page), accuracy=(10.0, 0.002), start=(whole[7].x, whole[7].P))
+    np.testing.assert_allclose(rest[-1].x, whole[-1].x, rtol=1e-9)
+    one = page.run(scans[10:11], mine(page), accuracy=(10.0, 0.002), start=(whole[7].x, whole[7].P))
+    assert len(one) == 1
+    np.testing.assert_allclose(one[0].x, whole[8].x, rtol=1e-12)
+
+
+def test_scans_may_be_empty_and_plots_in_any_order(page):
+    scans, _ = my_scans(12)
+    given = partial(page.run, p=mine(page), accuracy=(10.0, 0.002))
+    whole = given(scans)
+    turned = given([*scans[:2], *(cells[::-1] for cells in scans[2:])])
+    np.testing.assert_array_equal([t.x for t in whole], [t.x for t in turned])
+    assert [len(cells) - 1 - t.plot for t, cells in zip(turned, scans[2:], strict=True)] == [
+        t.plot for t in whole
+    ]
+    gap = given([*scans[:5], [], np.empty((0, 5)), *scans[7:]])
+    assert [t.misses for t in gap[2:6]] == [0, 1, 2, 0]
+    assert gap[3].plot == gap[4].plot == -1
+    gone = given([*scans[:5], [], [], [], *scans[8:]])
+    assert len(gone) == 6
+    assert gone[-1].misses == 3
+
+
+def test_the_azimuth_may_turn_over(page):
+    """The same picture turned to the other side of the azimuth's cut."""
+    scans, _ = my_scans(15)
+    turn = math.pi - 0.42
+    turned = [cells + [0.0, turn, 0.0] for cells in scans]
+    wrapped = [cells.copy() for cells in turned]
+    for cells in wrapped:
+        cells[:, 1] = (cells[:, 1] + math.pi) % (2 * math.pi) - math.pi
+    given = partial(page.run, p=mine(page), accuracy=(10.0, 0.002))
+    flown = [given(each) for each in (scans, turned, wrapped)]
+    for other in flown[1:]:
+        assert [t.plot for t in other] == [t.plot for t in flown[0]]
+        np.testing.assert_allclose(
+            [np.hypot(*t.x[::2]) for t in other], [np.hypot(*t.x[::2]) for t in flown[0]], rtol=1e-9
+        )
+
+
+def test_another_detector_and_a_constant_threshold(page, p):
+    scans, _ = my_scans(6)
+    given = partial(page.run, scans, mine(page), accuracy=(10.0, 0.002))
+    assert {t.eta for t in given(p_cell=1e-3)} == {-math.log(1e-3)}
+    twice = given(threshold=lambda P_f: 2 * detection.threshold(P_f))
+    assert math.isclose(twice[0].eta, 2 * given()[0].eta)
+
+
+def broken(**change):
+    """Scans with one value changed in plot 3 of scan 4."""
+    scans, _ = my_scans(6)
+    for column, value in change.items():
+        scans[4][3, int(column[1])] = value
+    return scans
+
+
+@pytest.mark.parametrize(
+    ("scans", "words"),
+    [
+        ([], "scans: 0; two start the track"),
+        (my_scans(2)[0], "scans: 2; two start"),
+        (np.zeros((5, 3)), "give a list with one"),
+        (3, "give a list with one"),
+        (broken(c0=math.nan), "scan 4, plot 3: .* is NaN"),
+        (broken(c2=math.nan), "scan 4, plot 3: .* is NaN"),
+        (broken(c0=-5.0), "scan 4, plot 3: .* no positive, finite range"),
+        (broken(c0=math.inf), "scan 4, plot 3: .* no positive, finite range"),
+        (broken(c1=24.0), "scan 4, plot 3: .* give radians"),
+        (broken(c2=-3.0), "scan 4, plot 3: .* not dB"),
+        ([cells[:, :2] for cells in my_scans(4)[0]], "scan 0: shape .* give a row for each plot"),
+        (my_scans(6)[0][2:], "scan 0: 51 plots; give the one that starts"),
+        ([[], *my_scans(4)[0]], "scan 0: 0 plots"),
+        ([*my_scans(4)[0], [["a", 1, 2]]], "scan 4: no table of real numbers"),
+        ([*my_scans(4)[0], [[1, 2, 3], [4, 5]]], "scan 4: no table of real numbers"),
+        ([*my_scans(4)[0], [[1j, 2, 3]]], "scan 4: no table of real numbers"),
+        ([*my_scans(4)[0], [[2e4, 0.4, 5, 0.0, 0.1]]], "scan 4, plot 0: .* positive standard"),
+        ([*my_scans(4)[0], [[2e4, 0.4, 5, 1.0, math.inf]]], "scan 4, plot 0: .* positive standard"),
+    ],
+)
+def test_scans_that_cannot_be_right_are_refused(page, scans, words):
+    with pytest.raises(ValueError, match=words):
+        page.run(scans, mine(page), accuracy=(10.0, 0.002))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"accuracy": (10.0, -1.0)}, "accuracy: .* positive"),
+        ({"accuracy": 10.0}, "accuracy: .* positive"),
+        ({"accuracy": lambda r: (math.nan, 1.0)}, "accuracy: .* positive"),
+        ({"p_cell": 2.0}, "p_cell: 2.0"),
+        ({"start": (np.zeros(3), np.eye(4))}, "start: give x"),
+        ({"start": (np.ones(4), math.nan * np.eye(4))}, "start: give x"),
+        ({"start": (np.ones(4), -np.eye(4))}, "start: P is no covariance"),
+        ({"start": (np.ones(4), np.arange(16.0).reshape(4, 4))}, "start: P is no covariance"),
+    ],
+)
+def test_options_that_cannot_be_right_are_refused(page, options, words):
+    with pytest.raises(ValueError, match=words):
+        page.run(my_scans(4)[0], mine(page), **options)
+
+
+def test_a_scenario_must_be_one(page):
+    with pytest.raises(ValueError, match="p: give a Scenario"):
+        page.run(my_scans(4)[0], {"scan": 4.0})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gate_g": -4.0},
+        {"gate_g": 0.0},
+        {"gate_g": math.nan},
+        {"track_pfa": 2.0},
+        {"track_pfa": 0.0},
+        {"track_pfa": 1.0},
+        {"cell_pfa": 1.0},
+        {"scan": -1.0},
+        {"bandwidth": 0.0},
+        {"beamwidth": math.inf},
+        {"range0": "far"},
+        {"miss_limit": 0},
+        {"miss_limit": 2.5},
+        {"frames": 0},
+        {"sigma_p": -0.1},
+        {"snr0_db": None},
+        {"speed": math.nan},
+        {"azimuth0": 4000.0},
+        {"range_noise": 0.0},
+        {"angle_noise": np.array([1.0, -1.0])},
+        {"tracker": "extended kalman filter"},
+        {"fluctuation": "Swerling III"},
+        {"noise": "Laplace"},
+    ],
+)
+def test_a_field_out_of_range_is_named(page, change):
+    (name,) = change
+    with pytest.raises(ValueError, match=name):
+        page.Scenario(**change)
