@@ -17,7 +17,6 @@ PLACES = {
     "NOTEBOOKS": "notebooks",  # NN_<paper>.ipynb, committed executed
     "BIBLIOGRAPHY": "data/papers.toml",
     "CLAIMS": "data/claims",  # <paper>.csv: what the papers publish
-    "LONGER": "data/longer",  # <paper>/verdicts.csv: of a run that a notebook has no time for
     "PRODUCTS": "figures",  # <paper>/fig05.pdf and its kin: the committed products
     "LOCK": "environment.txt",
     "README": "README.md",

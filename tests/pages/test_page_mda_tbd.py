@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import sensor
+from tbdcore import particles, sensor
 from tbdcore.repro import pages
 
 page = tbdcore.page("mda_tbd")
@@ -231,12 +231,290 @@ def test_variants_run_and_stay_probabilities(options):
     assert track.ess.max() <= p.N + p.B
 
 
+def own_mean(samples, p, k):
+    """P_hat of one particle from its list of (numerator, denominator), the newest last."""
+    T_h, W = 10 ** (p.R_T / 10), p.window
+    if k + 1 < W:
+        return 0.0
+    last, age = samples[-W:], len(samples)
+    values = [number for number, _ in last]
+    passing = [value for value in values if value >= T_h]
+    psi = {
+        "own-cell": sum(values) / W,
+        "available": sum(values) / max(1, min(age, W)),
+        "strict": sum(values) / W if age >= W else 0.0,
+        "per-sample": sum(passing) / max(1, len(passing)),
+        "least-squares": sum(values) / max(sum(weight for _, weight in last), 1e-300),
+    }[p.reading]
+    return psi if psi >= T_h else 0.0
+
+
+def plain_births(p, rng):
+    """States and places of B births, one coordinate after the other."""
+    rho, alpha = (0.5 + n * u for n, u in zip(p.grid[4:], rng.random((2, p.B)), strict=True))
+    r, a = p.r_min + p.dr * (rho - 0.5), p.a_min + p.da * (alpha - 0.5)
+    vx, vy = p.birth_speed * (2 * rng.random((2, p.B)) - 1)
+    return np.array([r * np.cos(a), vx, r * np.sin(a), vy]), rho, alpha
+
+
+def reads(z, rho, alpha, p):
+    """(numerator, denominator) of every particle in one frame, in noise powers."""
+    if p.reading == "least-squares":
+        return list(zip(*sensor.patch_fit_spec(z, rho, alpha, p.assumed), strict=True))
+    i, j = (np.floor(np.nan_to_num(c, nan=-9.0) + 0.5).astype(int) - 1 for c in (rho, alpha))
+    inside = (i >= 0) & (i < z.shape[0]) & (j >= 0) & (j < z.shape[1])
+    return [(z[a, b] - 1.0 if on else -1.0, 1.0) for a, b, on in zip(i, j, inside, strict=True)]
+
+
+def plain_run(z, p, rng):
+    """The filter with lists, plain sums and the specifications: existence, state, intensity."""
+    exists, past, results = p.p_initial, [[] for _ in range(p.N)], []
+    power = p.P_max / p.noise * rng.random(p.N + p.B) if p.source == "state" else None
+    S = plain_births(replace(p, B=p.N), rng)[0]
+    for k, frame in enumerate(z / p.noise):
+        a = p.accel * rng.standard_normal((2, p.N))
+        S = S + p.T * np.array([S[1] + p.T * a[0] / 2, a[0], S[3] + p.T * a[1] / 2, a[1]])
+        new, rho, alpha = plain_births(p, rng)
+        S, past = np.hstack([S, new]), past + [[] for _ in range(p.B)]
+        here = sensor.polar_cells(S[0, : p.N], S[2, : p.N], p.grid)
+        rho, alpha = np.append(here[0], rho), np.append(here[1], alpha)
+        if p.source == "history":
+            for samples, pair in zip(past, reads(frame, rho, alpha, p), strict=True):
+                samples.append(pair)
+            snr = np.array([own_mean(samples, p, k) for samples in past])
+        elif p.source == "state":
+            walk = abs(power[: p.N] + p.P_walk / p.noise * rng.standard_normal(p.N))
+            snr = power = np.append(walk, p.P_max / p.noise * rng.random(p.B))
+        else:
+            snr = np.full(rho.size, 10 ** (p.R / 10))
+        ahead = p.p_birth * (1 - exists) + p.p_survive * exists
+        prior = p.p_survive * exists / p.N, p.p_birth * (1 - exists) / p.B
+        w = np.repeat(prior, (p.N, p.B))
+        w = w * np.exp(sensor.power_log_ratio_spec(frame, rho, alpha, snr, p.assumed))
+        exists = w.sum() / (1 - ahead + w.sum())
+        W = w / w.sum()
+        results.append((exists, *(S @ W), p.noise * (W @ snr), 1 / (W @ W)))
+        kept = particles.systematic_spec(W, p.N, rng.random())
+        S, past = S[:, kept], [list(past[n]) for n in kept]
+        power = power[kept] if p.source == "state" else None
+    return np.array(results)
+
+
+OWN = {"nr": 24, "na": 14, "dr": 4.0, "da": 0.02, "r_min": 800.0, "sd_r": 1.2, "sd_a": 1.4}
+SETTINGS = {"N": 60, "B": 40, "window": 3, "noise": 2.5, "T": 0.5, "accel": 2.0}
+TARGET = {"x0": 850.0, "y0": 90.0, "vx": 4.0, "vy": 2.0, "appears": 4, "leaves": 13, "scans": 15}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        *({"reading": reading} for reading in page.READINGS),
+        {"source": "state"},
+        {"source": "known"},
+    ],
+)
+@pytest.mark.parametrize("R_T", [0.0, 3.0])
+def test_the_filter_equals_one_of_lists_and_plain_sums(options, R_T):
+    """Another program, the same draws: histories as lists, weights without logarithms."""
+    p = page.scenario(**OWN, **SETTINGS, **TARGET, R=10.0, R_T=R_T, p_initial=0.2, **options)
+    z = scene(p, 31)
+    track = page.run(z, p, rng(32))
+    found = np.column_stack([track.existence, track.x, track.P, track.ess])
+    assert found == pytest.approx(plain_run(z, p, rng(32)), rel=1e-6, abs=1e-6)
+    assert track.existence.max() > 0.5  # the target is seen
+
+
+def test_founders_count_the_births_that_are_left():
+    p = page.scenario(**OWN, **SETTINGS, **TARGET, R=14.0)
+    track = page.run(scene(p, 33), p, rng(34))
+    assert track.founders[0] <= p.N
+    assert (track.founders >= 1).all()
+    assert track.founders.min() < 10
+    silent = page.run(scene(p, 33)[:3], replace(p, window=1, R_T=20.0), rng(34))
+    assert silent.founders[0] > 0.6 * p.B  # the first survivors weigh nothing: births take over
+
+
+def test_births_are_uniform_in_their_cells_and_velocities():
+    p = page.scenario(**OWN, birth_speed=7.0)
+    S, place = page.newborn(20_000, p, rng(35))
+    assert np.allclose(sensor.polar_cells(S[0], S[2], p.grid), place, atol=1e-9)
+    for u, low, high in (
+        (place[0], 0.5, 24.5),
+        (place[1], 0.5, 14.5),
+        *((v, -7, 7) for v in S[1::2]),
+    ):
+        assert low <= u.min() < low + 0.01 * (high - low)
+        assert high - 0.01 * (high - low) < u.max() <= high
+        assert u.mean() == pytest.approx((low + high) / 2, abs=0.01 * (high - low))
+    assert abs(np.corrcoef(S[1], S[3])[0, 1]) < 0.03
+
+
+def test_an_own_cell_average_at_the_true_place_is_low_by_the_straddle_floor():
+    """Over a path that meets all parts of its cells; in noise powers, with four standard errors."""
+    p = page.Scenario()
+    kept = []
+    for i in range(2):
+        z, x = scene(p, 40 + i), page.target(p)
+        i_, j_ = (np.floor(c + 0.5) for c in sensor.polar_cells(x[14:, 0], x[14:, 2], p.grid))
+        kept.append(z[np.arange(14, 200), i_.astype(int) - 1, j_.astype(int) - 1] - p.noise)
+    expected = sensor.straddle(p.psf) * p.P_tar
+    assert np.mean(kept) == pytest.approx(expected, abs=4 * (p.P_tar + p.noise) / math.sqrt(372))
+
+
+def test_what_a_scan_is_worth_in_closed_form():
+    """E[ln g] = F (ln(1+s) + Li2(-s) + a (s - ln(1+s))) for a particle on the target."""
+    from scipy.special import spence
+
+    p = replace(page.Scenario(), half_r=6, half_a=15)
+    places = [250 + n / 8 for n in range(8)]
+    h2 = np.array([sensor.spread_power(rho, 45.6, p.psf, p.grid[4:]) for rho in places])
+    s, F = p.P_tar / p.noise, sensor.footprint(p.psf)
+    for a in (0.0, 0.32, 1.0):
+        cells = (1 + a * s * h2) * s * h2 / (1 + s * h2) - np.log1p(s * h2)
+        closed = F * (np.log1p(s) + spence(1 + s) + a * (s - np.log1p(s)))
+        assert cells.sum() / len(places) == pytest.approx(closed, abs=0.01)
+
+
+def test_target_path_and_its_absence():
+    p = replace(SMALL, appears=5, leaves=9, T=2.0, scans=12)
+    x = page.target(p)
+    assert np.isnan(x[:4]).all()
+    assert np.isnan(x[8:]).all()
+    assert x[4] == pytest.approx([p.x0, p.vx, p.y0, p.vy])
+    assert x[7] - x[4] == pytest.approx([6 * p.vx, 0, 6 * p.vy, 0])
+
+
+def test_both_models_have_the_same_mean_power_and_another_correlation():
+    """Mean P h**2 + sigma**2 in each cell; cells of one scan share an amplitude, or do not."""
+    still = {"vx": 0.0, "vy": 0.0, "appears": 1, "leaves": 4001, "scans": 4000}
+    p = page.scenario(**(OWN | {"nr": 8, "na": 8}), x0=815.0, y0=65.0, R=8.0, noise=3.0, **still)
+    h2 = sensor.spread_power(*(c[0] for c in sensor.polar_cells(*page.target(p)[:, ::2].T, p.grid)),
+                             p.psf, (8, 8))  # fmt: skip
+    near = np.unravel_index(np.argsort(h2, axis=None)[-2:], h2.shape)
+    links = []
+    for common in (True, False):
+        z = scene(replace(p, common=common), 41)
+        error = 5 * z.std(axis=0) / math.sqrt(4000) + 0.02  # what lies outside the patch
+        assert (abs(z.mean(axis=0) - 3.0 * (1 + 10**0.8 * h2)) < error).all()
+        links.append(np.corrcoef(z[:, near[0][0], near[1][0]], z[:, near[0][1], near[1][1]])[0, 1])
+    assert links[0] > 0.4 > 0.1 > abs(links[1])
+
+
+def test_averaged_ratio_replaces_that_of_particles_without_an_intensity():
+    p = replace(SMALL, likelihood="averaged")
+    z = rng(42).standard_exponential((p.grid.nr, p.grid.na))
+    rho, alpha, snr = np.array([9.2, 40.1, -5.0]), np.array([7.0, 30.4, 3.0]), np.array([0, 3.0, 0])
+    each = [
+        sensor.power_log_ratio_spec(z, rho, alpha, np.full(3, 10**e), p.assumed)
+        for e in (0.0, 0.4, 0.8, 1.2)
+    ]
+    known = sensor.power_log_ratio_spec(z, rho, alpha, snr, p.assumed)
+    with np.errstate(divide="ignore"):
+        expected = [np.log(np.mean(np.exp(each), axis=0))[0], known[1], -np.inf]
+    assert page.likelihood(z, rho, alpha, snr, p) == pytest.approx(expected, rel=1e-9)
+
+
+# Own data ------------------------------------------------------------------------------------
+
+OWN_Z = rng(50).standard_exponential((12, 24, 14))
+
+
+def test_a_stranger_finds_a_target_in_frames_of_any_size():
+    p = page.scenario(**OWN, noise=40.0, N=2000, B=1000, birth_speed=6.0)
+    sky = replace(p, scans=30, appears=9, R=14.0, x0=820.0, y0=110.0, vx=3.0, vy=-2.0)
+    track, truth = page.run(scene(sky, 51), p, rng(52)), page.target(sky)
+    assert track.existence[:8].max() < 0.5 < np.median(track.existence[-10:])
+    off = np.hypot(*(track.x - truth)[-10:, ::2].T)
+    assert np.median(off) < 2 * p.da * 850
+    assert 0.3 * sky.P_tar < np.median(track.P[-10:]) < 1.3 * sky.P_tar
+
+
+def test_a_grid_of_counts_is_the_grid_of_limits():
+    p = page.scenario(**OWN, noise=2.0)
+    limits = {"r_min": 800.0, "r_max": 896.0, "a_min": 0.0, "a_max": 0.28, "dr": 4.0, "da": 0.02}
+    echo = {"L_r": 1 / 4.8**2, "L_a": 1 / 0.028**2}
+    same = page.Scenario(**limits, **echo, half_r=3, half_a=3, noise=2.0)
+    assert p.grid == pytest.approx(same.grid)
+    assert p.psf == pytest.approx(same.psf)
+    assert page.scenario(**OWN, a_min=0.5).grid.a_min == 0.5
+    assert page.scenario(**OWN, half_r=5).psf.hr == 5
+
+
+def test_data_of_other_types_are_read_as_numbers():
+    p = page.scenario(**OWN, **SETTINGS)
+    one = page.run(OWN_Z, p, rng(53)).existence
+    assert np.array_equal(page.run(OWN_Z.tolist(), p, rng(53)).existence, one)
+    assert page.run(OWN_Z.astype(np.float32), p, rng(53)).existence == pytest.approx(one, rel=1e-3)
+    assert page.run(np.ones((3, 24, 14), int), p, rng(53)).existence.shape == (3,)
+
+
+def test_more_births_than_survivors_and_certain_births_run():
+    for change in ({"N": 5, "B": 400}, {"N": 400, "B": 1}, {"p_birth": 1.0}, {"p_survive": 0.0}):
+        p = page.scenario(**OWN, **(SETTINGS | change))
+        existence = page.run(OWN_Z, p, rng(54)).existence
+        assert ((existence >= 0) & (existence <= 1)).all()
+
+
+@pytest.mark.parametrize(
+    ("z", "message"),
+    [
+        (OWN_Z.transpose(0, 2, 1), r"14 x 24 cells are the grid's 24 x 14 transposed"),
+        (OWN_Z[:, :12], r"12 x 14 cells, but the grid has 24 x 14; .* scenario\(nr=12, na=14"),
+        (OWN_Z[0], r"shape \(24, 14\); give \(K, nr, na\)"),
+        (OWN_Z[:0], r"shape \(0, 24, 14\)"),
+        (OWN_Z[:2], r"2 are fewer than window = 3; shorten the window"),
+        (1j * OWN_Z, "complex samples; give their power"),
+        (-OWN_Z, "frame 1 has a cell that is negative, infinite or NaN"),
+        (np.where(OWN_Z[7].max() == OWN_Z, np.inf, OWN_Z), "frame 8 has a cell"),
+        (np.where(OWN_Z[3].max() == OWN_Z, np.nan, OWN_Z), "frame 4 has a cell"),
+        (OWN_Z > 1, "values of type bool"),
+        ("power", r"shape \(\)"),
+    ],
+)
+def test_frames_that_do_not_fit_are_refused_in_one_line(z, message):
+    with pytest.raises(ValueError, match=message) as error:
+        page.run(z, page.scenario(**OWN, **SETTINGS), rng(55))
+    assert "\n" not in str(error.value)
+
+
+def test_a_square_grid_and_filters_without_history_take_what_fits():
+    p = page.scenario(**(OWN | {"nr": 14}), **SETTINGS)
+    assert page.run(OWN_Z[:, :14], p, rng(56)).existence.size == 12
+    with pytest.raises(ValueError, match=r"13 x 14 cells, but the grid has 14 x 14"):
+        page.run(OWN_Z[:, :13], p, rng(56))
+    assert page.run(OWN_Z[:1, :14], replace(p, source="known"), rng(56)).existence.size == 1
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"window": 0}, "window of 0 frames"),
-        ({"R_T": 226.0}, "R_T = 226 dB"),
-        ({"R_T": math.nan}, "R_T = nan dB"),
+        ({"window": 0}, "window is 0; give an integer, 1 to"),
+        ({"window": 2.5}, "window is 2.5; give an integer"),
+        ({"R_T": 226.0}, "R_T is 226.0; give a number, -20 to 20"),
+        ({"R_T": math.nan}, "R_T is nan"),
+        ({"p_birth": -1}, "p_birth is -1; give a number"),
+        ({"p_birth": 0.0}, "p_birth is 0.0; give a number"),
+        ({"p_survive": 1.1}, "p_survive is 1.1; give a number, 0 to 1"),
+        ({"p_initial": 2}, "p_initial is 2"),
+        ({"noise": 0.0}, "noise is 0.0"),
+        ({"noise": math.inf}, "noise is inf"),
+        ({"noise": None}, "noise is None; give a number"),
+        ({"N": 0}, "N is 0; give an integer"),
+        ({"N": "6000"}, "N is '6000'; give an integer"),
+        ({"B": True}, "B is True; give an integer"),
+        ({"T": 0.0}, "T is 0.0"),
+        ({"accel": -1.0}, "accel is -1.0; give a number, 0 to"),
+        ({"half_a": -1}, "half_a is -1"),
+        ({"P_max": 0.0}, "P_max is 0.0"),
+        ({"r_min": -5.0}, "r_min must not be negative"),
+        ({"a_max": 8.0, "da": 0.1, "a_min": 0.0}, "nor a_max - a_min exceed a circle"),
+        ({"source": "histroy"}, "source is 'histroy'; the nearest choice is 'history'"),
+        ({"reading": "owncell"}, "reading is 'owncell'; the nearest choice is 'own-cell'"),
+        (
+            {"likelihood": "coherrent"},
+            "likelihood is 'coherrent'; the nearest choice is 'coherent'",
+        ),
+        ({"births": "pwer"}, "births is 'pwer'; the nearest choice is 'power'"),
         ({"L_r": 36.0, "L_a": 14600.0}, "covers 0.248 cells|covers 0.25 cells"),
         ({"dr": 3.0}, "range: the region has 333.333 cells"),
     ],
@@ -247,14 +525,35 @@ def test_bad_scenarios_are_refused_in_one_line(change, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"birth_sped": 3.0}, "no setting 'birth_sped'; the nearest is 'birth_speed'"),
+        ({"sd_r": 0.0}, "sd_r is 0.0; give a positive number"),
+        ({"sd_a": "1"}, "sd_a is '1'; give a positive number"),
+        ({"dr": -1.0}, "dr is -1.0"),
+        ({"nr": 24.5}, "range: the region has 24.5 cells"),
+        ({"sd_r": 0.1, "sd_a": 0.1}, "covers 0.031 cells; widen it"),
+    ],
+)
+def test_bad_settings_of_own_data_are_refused_in_one_line(change, message):
+    with pytest.raises(ValueError, match=message) as error:
+        page.scenario(**(OWN | change))
+    assert "\n" not in str(error.value)
+
+
+def test_the_help_says_what_a_stranger_must_know():
+    text = " ".join(page.__doc__.split())
+    for words in ("*power*", "mean power of a cell without a target", "(x, v_x, y, v_y)", "in rad"):
+        assert words in text
+    for field in page.Estimate._fields:
+        assert field in text
+
+
 def test_bad_data_are_refused_in_one_line():
     with pytest.raises(ValueError, match="target at cell .* is outside") as error:
         scene(replace(SMALL, x0=9500.0))
     assert "\n" not in str(error.value)
-    z = scene(SMALL)
-    z[3, 0, 0] = np.nan
-    with pytest.raises(ValueError, match="frame 4 has a cell"):
-        page.run(z, SMALL, rng(20))
 
 
 @pytest.mark.parametrize(
@@ -263,28 +562,22 @@ def test_bad_data_are_refused_in_one_line():
 )
 def test_outputs_of_a_run_are_tabled_even_where_there_are_none(change, some):
     p, found = replace(SMALL, **change), {}
-    claims = SimpleNamespace(
-        check=lambda id, holds, evidence: found.update({id: (holds, evidence)})
+    ledger = SimpleNamespace(
+        check=lambda id, holds, shown: found.update({id: (holds, shown)}),
+        untestable=lambda id, why: found.update({id: why}),
     )
-    names = {
-        "base": p,
-        "z": scene(p),
-        "stream": lambda *_: rng(21),
-        "claims": claims,
-        "seed": 21,
-        **vars(page),
-    }
-    for opening in ("def outputs(", "looked = ", "youngest = "):
-        (source,) = [cell for cell in pages.cells("mda_tbd") if cell.startswith(opening)]
-        exec(source, names)
+    names = {"base": p, "z": scene(p), "stream": lambda *_: rng(21), "ledger": ledger}
+    names |= {"seed": 21, "Markdown": str, **vars(page)}
+    (source,) = [cell for cell in pages.cells("mda_tbd") if cell.startswith("def outputs(")]
+    exec(source, names)
     assert names["seen"].shape[1] == 3
     assert (len(names["seen"]) > 0) == some
     assert found["s2.thr"][0]
     assert found["s2.kwl"][0]
-    assert ("no output in 40 frames" in found["s3.e1.delay"][1]) != some
+    assert "a switch of this page" in found["s3.e1.delay"]
 
 
-def test_a_window_longer_than_the_run_is_refused():
+def test_a_window_longer_than_the_paper_s_run_is_refused():
     with pytest.raises(ValueError, match=r"parameter window: 201 is out of range; .*\[1, 200\]"):
         pages.validate("mda_tbd", {"window": 201})
 
