@@ -29,11 +29,7 @@ def begin(paper, namespace):
 
 
 def page(paper):
-    """The algorithm cells of a notebook as a module; see :func:`tbdcore.repro.pages.page`.
-
-    Raises NoRepository without a clone of the repository, ModuleNotFoundError without the extra
-    ``repro``; both in one line.
-    """
+    """The algorithm cells of a notebook as a module; see :func:`tbdcore.repro.pages.page`."""
     return _pages().page(paper)
 
 

@@ -64,8 +64,7 @@ def gate(z, zhat, S, gamma, p_gate):
     ``z`` (M, 2) plots in m, ``zhat`` (T, 2) predicted plots, ``S`` (T, 2, 2) innovation covariances
     in m^2, ``gamma`` the gate on the squared Mahalanobis distance, ``p_gate`` the probability mass
     inside it.  Returns ``picked`` (C,), increasing indices into ``z``, and ``log_density`` (T, C),
-    ln of N(z; zhat, S) / p_gate, -inf outside the track's own gate: eq. (21) of the LJIPDA-AI
-    paper.  Raises ValueError for a NaN and for a covariance that is not positive definite.
+    ln of N(z; zhat, S) / p_gate, eq. (21), -inf outside the track's own gate.
     """
     if z.ndim != 2 or zhat.ndim != 2 or z.shape[1] != 2 or zhat.shape[1] != 2:
         raise ValueError("association.gate: give plots (M, 2) and predictions (T, 2)")
@@ -116,8 +115,7 @@ def ipda(log_ratio, existence, detect):
     """Integrated PDA of each track alone: eqs. (18) and (22) to (24) with every visibility one.
 
     ``log_ratio`` (T, M), ``existence`` (T,) predicted probabilities, ``detect`` (T,) = P_D P_W.
-    Returns beta (T, M + 1) and the posterior existence (T,).  The sum 1 - delta = 1 - D + D sum_m
-    exp(l[t, m]) is taken relative to its largest term.
+    Returns beta (T, M + 1) and the posterior existence (T,).
     """
     if log_ratio.ndim != 2:
         raise ValueError("association.ipda: log_ratio has one row per track, one column per plot")
@@ -232,8 +230,7 @@ def modulated(log_ratio, existence, detect):
     """Linear multitarget: log ratios ln p^t - ln Omega^t (T, M), the other tracks in the clutter.
 
     Omega^t(z_m) = lambda + sum_{j != t} p^j(z_m) P_m^j / (1 - P_m^j), Musicki and La Scala (2008),
-    eq. (16), with the prior (12).  ``ipda(modulated(l, P, D), P, D)`` is LM-IPDA; exact for two
-    tracks that share one plot.
+    eq. (16), with the prior (12).  ``ipda(modulated(l, P, D), P, D)`` is LM-IPDA.
     """
     if log_ratio.ndim != 2:
         raise ValueError("association: log_ratio has one row per track and one column per plot")
@@ -307,7 +304,6 @@ def _potentials(log_w, log_miss):
     """Dual variables (a, v) of the best joint event: log_w + a + v, log_miss + a and v are <= 0.
 
     Shortest augmenting paths on the costs -log_w, with one private column per track for its miss.
-    Adding sum(a) + sum(v) to the log weight of any joint event leaves the best event at zero.
     Raises ValueError where no joint event is possible.
     """
     T, M = log_w.shape

@@ -128,14 +128,12 @@ def false_plot_spec(u, v, centre, half, cell, p_false, nth):
 def false_plot(u, v, centre, half, cell, p_false, nth):
     """The nth false plot inside a rectangular gate over a grid of cells: (found, residual (2)).
 
-    Cell i fires with probability beta_i p_false, beta_i the share of the cell inside the gate,
-    independently of the others; all of this from one uniform number: if u < q the cell fires and
-    u / q is uniform again, otherwise (u - q) / (1 - q) is.
+    A cell fires with probability q, p_false times the share of the cell inside the gate.  One draw
+    is enough: if u < q the cell fires and u / q is uniform again, otherwise (u - q) / (1 - q) is.
 
-    u : float in [0, 1); v : pair of floats in [0, 1), the place inside the cell (turned by the
-        golden section from one false plot to the next).
-    centre, half, cell : pairs, centre and half width of the gate and width of a cell, in m and rad;
-        a gate holds at most 1e8 cells.
+    u : draw in [0, 1); v : pair of draws, the place inside the cell, turned by the golden section
+        from one false plot to the next
+    centre, half, cell : pairs, centre and half width of the gate, width of a cell, in m and rad
     """
     if not (0.0 <= p_false <= 1.0 and 0.0 <= u < 1.0 and abs(v[0]) + abs(v[1]) < np.inf):
         raise ValueError("detection.false_plot: u or p_false is not in [0, 1], or v not finite")

@@ -186,8 +186,7 @@ def _top_add(target, first, second, third, term):
 def _window(target, source, start, step, count, term, work):
     """target[x] = max of source[start + x + c step], c = 0..count-1, plus term[x] if there is one.
 
-    Three maxima over ``width`` neighbours, side by side or overlapping, are one over up to 3 width
-    neighbours: seven take two passes.
+    Three maxima over ``width`` neighbours are one over up to 3 width: seven take two passes.
     """
     n, width, source, turn = target.size, 1, source[start:], 0
     while 3 * width < count:
@@ -374,8 +373,6 @@ def box_forward(z, position, lowest_velocity, reach, I):
     position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours.
     lowest_velocity : of index 0, cells/frame; reach : width of the margin, at least d + the
         fastest velocity.
-
-    Raises ValueError for arrays that do not fit and for a margin that a step could leave.
     """
     _check_window(position)
     _check_room(z, I, position.size // 2, lowest_velocity, reach)
@@ -495,8 +492,7 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     """Eqs. (8), (12) with g = table[m, r] table[n, s]: slack and velocity change weighted together.
 
     Arrays as in :func:`box_forward`; table : (3, 3) of the frames' type, position slack first, all
-    positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|), which
-    is no product of a function of m and one of r.
+    positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
     """
     _check_table(table)
     _check_room(z, I, 1, lowest_velocity, reach)
@@ -578,9 +574,8 @@ def weighted_path(I, state, position, velocity, lowest_velocity):
     """Eqs. (13), (19): the best path that ends in ``state``.
 
     Of box_forward (velocity = ones(1)) or weighted_forward.  I : (K, V, V, X, Y) value maps of K
-    frames, the last of which is not read; state : (iv, jv, i, j) in frame K, i and j counted with
-    the margin.  Returns states of the same form, (K, 4) of int; four times -1 from where no
-    predecessor can be reached.  Raises ValueError for arrays that do not fit or another state.
+    frames; state : (iv, jv, i, j) in frame K, i and j counted with the margin.  Returns states of
+    the same form, (K, 4) of int; four times -1 from where no predecessor can be reached.
     """
     _check_window(position)
     _check_window(velocity)

@@ -281,8 +281,8 @@ def update_polar_spec(x, P, y_r, y_a, var_r, var_a):
 def update_polar(x, P, y_r, y_a, var_r, var_a):
     """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
 
-    Range and azimuth errors are independent, with variances var_r and var_a, so the plot is taken
-    in as two scalar measurements, one after the other: no matrix inverse, and P stays symmetric.
+    Range and azimuth errors are independent, with variances var_r and var_a: two scalar updates,
+    one after the other, need no matrix inverse.
     """
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
@@ -437,9 +437,8 @@ def update_mixture(x, P, D, z, beta):
 def position_bound(F, R, P, p_detect):
     """Posterior Cramer-Rao bound (K, T, 4, 4) of tracks seen with probability p_detect per scan.
 
-    ``F`` (K - 1, T, 4, 4) known transitions without process noise, ``R`` (K, T, 2, 2) plot
-    covariances at the true positions, ``P`` (T, 4, 4) covariance of the first state, whose scan is
-    not measured.  J_k = (F J_{k-1}^-1 F')^-1 + p_detect H' R_k^-1 H.
+    ``F`` (K - 1, T, 4, 4) transitions, ``R`` (K, T, 2, 2) plot covariances at the true positions,
+    ``P`` (T, 4, 4) of the first state.  J_k = (F J_{k-1}^-1 F')^-1 + p_detect H' R_k^-1 H.
     """
     if not 0 <= p_detect <= 1:
         raise ValueError(f"kalman.position_bound: p_detect {p_detect:g} is not in [0, 1]")

@@ -152,9 +152,8 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
     T : seconds
     u : (N,) uniform draws in [0, 1), one for each regime
     a : (N, 2) accelerations, constant during the step
-    omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2, or (0, 2)
-        to keep the rate.  The draw that chose the turn serves once more: within the share of [0, 1)
-        that means "turn" it is uniform again.
+    omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2, from the
+        rest of the draw that chose the turn; or (0, 2) to keep the rate
     redraw : if True, the born are not moved, the caller draws their states; if False they go on
         from the state they have, and the list of the born is empty
     """

@@ -36,11 +36,7 @@ LEAST, MOST = 1e-200, 1e200  # sum of weights: beyond these the spacing of the a
 
 
 def normalise(lw):
-    """Weights and evidence from log-weights.
-
-    lw : (N,) log un-normalised weights, -inf allowed, NaN or +inf not.
-    Returns W (N,), summing to one, and log_mean = log(sum exp(lw) / N).
-    """
+    """Weights W (N,) that sum to one, and log(sum exp(lw) / N), from log-weights lw (N,) < inf."""
     lw = checks.reals("log-weights", lw, "N")
     top = lw.max(initial=-np.inf)
     if not math.isfinite(top):
@@ -72,8 +68,7 @@ def existence_predict(P, p_birth, p_survive):
 def existence_update(P, log_ratio):
     """Probability of existence after a frame; log_ratio: log-likelihood ratio, present to absent.
 
-    In odds: P / (1 - P) is multiplied by exp(log_ratio); written so that no exponential can
-    overflow.  A certain P, 0 or 1, stays.
+    P / (1 - P) is multiplied by exp(log_ratio); a certain P, 0 or 1, stays.
     """
     checks.number("existence: P", P, 0.0, 1.0)
     checks.number("existence: log-likelihood ratio", log_ratio, -np.inf, np.inf)
@@ -246,19 +241,18 @@ def inherit(H, age, ancestors, births):
     """
     if age.size != H.shape[2] or births < 0:
         raise ValueError("history: give H (window, s, N), age (N,), births of at least 0")
-    for n in ancestors:
-        if not 0 <= n < age.size:
-            raise ValueError("history: an ancestor is not in 0 to N - 1")
     M, size = ancestors.size, ancestors.size + births
     moved, older = np.empty((H.shape[0], H.shape[1], size)), np.zeros(size, age.dtype)
+    for m in range(M):
+        if not 0 <= ancestors[m] < age.size:
+            raise ValueError("history: an ancestor is not in 0 to N - 1")
+        older[m] = age[ancestors[m]]
     for i in range(H.shape[0]):
         for j in range(H.shape[1]):
             old, new = H[i, j], moved[i, j]
             for m in range(M):
                 new[m] = old[ancestors[m]]
             new[M:] = 0.0
-    for m in range(M):
-        older[m] = age[ancestors[m]]
     return moved, older
 
 

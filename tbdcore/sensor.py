@@ -99,8 +99,8 @@ def blob_log_ratio(z, S, r, peak, blur, noise):
     The sum over the patch is  (peak sum g_i g_j z_ij - peak**2 / 2 sum g_i**2 sum g_j**2) /
     noise**2,  and the Gaussian is a recurrence: with d the offset to the nearest cell, its value m
     cells further is exp(-d**2 / 2b**2) * exp(-d / b**2)**m * exp(-m**2 / 2b**2), so three
-    exponentials serve 25 cells.  Below a blur of 0.038 cells the recurrence keeps that blur, or
-    its factors would overflow: what lies beyond the own cell is then below 1e-38 of the peak.
+    exponentials serve 25 cells.  Below a blur of 0.038 cells the recurrence keeps that blur: what
+    lies beyond the own cell is then below 1e-38 of the peak.
     """
     nx, ny = z.shape
     if not (abs(peak) <= HIGH and 1e-9 <= blur <= 1e9 and 1.0 / HIGH <= noise <= HIGH):
@@ -191,8 +191,7 @@ class PolarGrid(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """A point-spread function in cells: its power is exp(-lr d**2 - la e**2), d cells off in range
-    and e in azimuth.
+    """A point-spread function: power exp(-lr d**2 - la e**2), d cells off in range, e in azimuth.
 
     lr, la : decay of the *power* per squared cell, (L/R) delta**2 of each axis.
     hr, ha : half widths of the patch that a likelihood reads, (2 hr + 1) x (2 ha + 1) cells.
@@ -311,8 +310,7 @@ def add_target(z, rho, alpha, power, spread, rng):
 def add_target_per_cell(z, rho, alpha, snr, spread):
     """Add a target to noise frames, in place: cells independent, equations (7) and (8).
 
-    Arguments as in :func:`add_target`; snr : mean of |A|**2 over the noise power, a number.  No
-    generator: a cell's exponential is scaled.
+    Arguments as in :func:`add_target`; snr : mean of |A|**2 over the noise power, a number.
     """
     checks.number("snr", snr, 0.0, HIGH)
     for k in _frames_with_target(z, rho, alpha, 0.0):
@@ -429,10 +427,9 @@ def _power_log_ratio(z, rho, alpha, snr, spread):
     """The loop of :func:`power_log_ratio`.
 
     With s = snr h**2 a cell adds z s / (1 + s) - log(1 + s).  The sum over the cells of one azimuth
-    is kept as a fraction, num / den with den = prod (1 + s), so that it costs one division, and the
-    whole patch, as a rule, one logarithm.  Azimuths are neighbours in memory and are worked on side
-    by side.  At the frame's edges the window of azimuths is shifted into the frame; its columns
-    outside the patch get h = 0.
+    is a fraction, num / den with den = prod (1 + s), so that it costs one division, and the whole
+    patch, as a rule, one logarithm.  At the frame's edges the window of azimuths is shifted into
+    the frame; its columns outside the patch get h = 0.
     """
     (nr, na), (_, _, hr, ha) = z.shape, spread
     w = min(4 * (ha // 2) + 4, na)  # columns in the window: at least 2 ha + 1, a multiple of four
@@ -514,9 +511,8 @@ def patch_fit_spec(z, rho, alpha, spread):
 def patch_fit(z, rho, alpha, spread):
     """Numerator and denominator (2, N) of the least-squares intensity over each particle's patch.
 
-    sum h**2 (z - 1) and sum h**4; their quotient is the intensity over the noise power that fits z
-    = snr h**2 + 1 best.  Kept apart, so that frames can be added up.  Arguments as in
-    :func:`power_log_ratio`; 0 and 0 off the frame.
+    sum h**2 (z - 1) and sum h**4; their quotient is the intensity over the noise power that fits
+    z = snr h**2 + 1 best.  Arguments as in :func:`power_log_ratio`; 0 and 0 off the frame.
     """
     return _patch_fit(*_polar(z, rho, alpha, spread), spread)
 
