@@ -98,6 +98,23 @@ def test_process_noise_is_an_acceleration_constant_during_a_scan(page, p):
     assert abs(np.corrcoef(change[:, 2:].T)[0, 1]) < 0.3
 
 
+def test_a_noisy_track_may_touch_the_first_and_the_last_cell(page, p):
+    """It is drawn again only when it leaves the region; here it must not be."""
+
+    class Once:
+        draws = 0
+
+        def standard_normal(self, n):
+            self.draws += 1
+            assert self.draws < p.K, "drawn again"
+            return np.zeros(n)
+
+    quiet = replace(p, process_noise=1.0)
+    for x1 in ([350_050.0, 350_050.0, 100.0, 100.0], [354_950.0, 354_950.0, -100.0, -100.0]):
+        cells = page.truth(0.0, np.array(x1), quiet, Once())[1]
+        assert cells[0].tolist() in ([0, 0], [49, 49])
+
+
 def test_background_has_the_mean_and_the_variance_of_the_scenario(page, p):
     w = page.background(replace(p, mean=3.0, sigma2=4.0), np.random.default_rng(1))
     assert w.dtype == np.float32
