@@ -407,3 +407,12 @@ def test_a_margin_that_a_step_could_leave_is_refused():
         dynprog.box_forward(z, np.ones(7), 0, 2, I)
     with pytest.raises(ValueError, match="three weights"):
         dynprog.weighted_forward(z, np.ones(5), np.ones(3), 0, 2, I)
+
+
+@pytest.mark.parametrize("cell", [(0, 0), (0, 4), (4, 0), (4, 4)])
+def test_a_path_reaches_the_first_and_the_last_cell_of_a_map(cell):
+    I = np.zeros((2, 1, 1, 5, 5))
+    I[0, 0, 0][cell] = 1.0
+    start = tuple(min(max(c, 1), 3) for c in cell)
+    path = dynprog.weighted_path(I, (0, 0, *start), np.ones(3), np.ones(1), 0)
+    assert path.tolist() == [[0, 0, *cell], [0, 0, *start]]

@@ -145,3 +145,13 @@ def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
 
 def test_distinct_counts_sorted_labels():
     assert [particles.distinct(np.array(v)) for v in ([], [3], [1, 1, 2, 5, 5])] == [0, 1, 3]
+
+
+@pytest.mark.parametrize(("regime", "ancestor"), [(3, 0), (-1, 0), (0, 2), (0, -1)])
+def test_a_regime_or_an_ancestor_out_of_range_is_refused(regime, ancestor):
+    r, H = np.array([regime, 1]), np.ones((1, 1, 2))
+    with pytest.raises(ValueError, match="regimes must be"):
+        particles.copy_particles(r, np.ones((2, 5)), np.array([1, ancestor]))
+    if regime == 0:
+        with pytest.raises(ValueError, match="ancestor"):
+            particles.inherit(H, np.ones(2, int), np.array([1, ancestor]), 0)
