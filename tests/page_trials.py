@@ -77,7 +77,7 @@ def ljipda_ai(seed, i):
     page, p = tbdcore.page("ljipda_ai"), tbdcore.page("ljipda_ai").Scenario()
     plots = page.simulate(p, next(streams("ljipda_ai", seed, i)))
     found = [
-        page.run(plots, p, list(streams("ljipda_ai", seed, i))[2], method)
+        page.states(plots, page.setup(p, list(streams("ljipda_ai", seed, i))[2]), method)
         for method in page.METHODS
     ]
     return tuple(map(np.array, zip(*found, strict=True)))

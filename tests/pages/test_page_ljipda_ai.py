@@ -1,14 +1,14 @@
-"""The page of LJIPDA-AI against answers that do not need it."""
+"""The page of LJIPDA-AI against answers that do not need it, and with data of one's own."""
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore.repro import pages
+from tbdcore import association, detection, kalman, motion
+from tbdcore.repro import claims, pages
 
 page = tbdcore.page("ljipda_ai")
 CALM = page.Scenario(clutter=1e-9)
@@ -20,7 +20,10 @@ def rng(*key):
 
 def states(p, method, i=0, plots=None):
     z = page.simulate(p, rng(i, 0)) if plots is None else plots
-    return page.run(z, p, rng(i, 1), method)
+    return page.states(z, page.setup(p, rng(i, 1)), method)
+
+
+# The scene ----------------------------------------------------------------------------------------
 
 
 def test_targets_meet_in_the_repaired_scenario_only():
@@ -29,25 +32,40 @@ def test_targets_meet_in_the_repaired_scenario_only():
     printed = page.course(page.Scenario(scenario="print"))[0]
     np.testing.assert_array_equal(np.abs(printed[0, :, ::2]), [[29e3, 35e3]] * 3)
     assert np.ptp(printed[page.MEETING - 1, :, ::2], axis=0).max() > 5e3
+    after = page.course(page.Scenario())[0][page.MEETING, :, ::2]
+    apart = [np.linalg.norm(after[a] - after[b]) for a, b in ((0, 1), (0, 2), (1, 2))]
+    assert min(apart) > 3 * page.Scenario().sigma_r
 
 
 def test_turns_keep_the_speed_and_take_the_printed_angle():
     X = page.course(page.Scenario())[0]
-    np.testing.assert_allclose(
-        np.hypot(X[..., 1], X[..., 3]),
-        np.hypot(X[:1, :, 1], X[:1, :, 3]) * np.ones((100, 1)),
-        rtol=1e-12,
-    )
+    speed = np.hypot(X[..., 1], X[..., 3])
+    np.testing.assert_allclose(speed, speed[:1] * np.ones((100, 1)), rtol=1e-12)
     heading = np.unwrap(np.arctan2(X[..., 3], X[..., 1]), axis=0)
-    np.testing.assert_allclose(
-        heading[-1] - heading[0], np.array([1, 1, -1]) * (30 * 0.035 - 29 * 0.025), rtol=1e-9
-    )
+    turned = np.array([1, 1, -1]) * (30 * 0.035 - 29 * 0.025)
+    np.testing.assert_allclose(heading[-1] - heading[0], turned, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("scene", "together"),
+    [("pair", (0, 2)), ("fan", (0, 1, 2)), ("common", (0, 1, 2))],
+)
+def test_scenes_start_together_where_they_say(scene, together):
+    X = page.course(page.Scenario(scenario=scene))[0]
+    first = X[0, :, ::2]
+    pairs = {(a, b) for a in range(3) for b in range(a) if (first[a] == first[b]).all()}
+    assert pairs == {(a, b) for a in together for b in together if b < a}
+    speeds = np.abs(X[0, :, 1::2])
+    np.testing.assert_array_equal(speeds, [[450, 300], [300, 400], [450, 350]])
+    apart = np.linalg.norm(X[5, 0, ::2] - X[5, 2, ::2])
+    assert (apart < 500) == (scene in ("pair", "common"))
+
+
+# Plots --------------------------------------------------------------------------------------------
 
 
 def test_clutter_of_the_union_has_its_density():
-    """About 230 plots a scan where the squares are apart, fewer where they overlap, the same
-    density everywhere.
-    """
+    """About 230 plots a scan where the squares are apart, fewer where they overlap."""
     p = page.Scenario(p_detect=1e-9)
     counts = np.mean([np.diff(page.simulate(p, rng(i)).first) for i in range(40)], axis=0)
     apart = 3 * 1600.0**2 * p.clutter
@@ -64,6 +82,94 @@ def test_amplitudes_follow_their_laws():
     assert noise.mean() == pytest.approx(1.0, abs=4 / math.sqrt(noise.size))
 
 
+def a_sea(key=3, half=1e-3, reach=5e3, clutter=3e-5, X=None):
+    X = np.array([[[20e3, 0.0, 10e3, 0.0]]]) if X is None else X
+    return page.Sea(X, half, reach, clutter, np.uint64(key))
+
+
+def far(sea, where=(20e3, 10e3), size=250.0, k=0):
+    S = np.array([np.diag([size**2, size**2])])
+    return page.far_plots(np.array([where]), S, 16.0, sea, k)
+
+
+def inside(found, where, width):
+    return found[(np.abs(found[:, :2] - where) < width).all(axis=1)]
+
+
+def test_tiles_are_a_poisson_field():
+    """Counts in a box have mean and variance of a Poisson law; places are uniform; powers have
+    mean one; scans are independent.
+    """
+    sea, boxes = a_sea(), []
+    scans = page.Sea(np.repeat(sea.X, 300, axis=0), *sea[1:])
+    found = [inside(far(scans, k=k), (20e3, 10e3), 1000.0) for k in range(300)]
+    counts, mean = np.array([len(f) for f in found]), 2000.0**2 * sea.clutter
+    assert counts.mean() == pytest.approx(mean, abs=4 * math.sqrt(mean / 300))
+    assert counts.var() == pytest.approx(mean, rel=0.35)
+    boxes = np.concatenate(found)
+    n = len(boxes)
+    for axis, centre in ((0, 20e3), (1, 10e3)):
+        where = (boxes[:, axis] - centre + 1000) / 2000
+        assert where.mean() == pytest.approx(0.5, abs=4 * math.sqrt(1 / 12 / n))
+        assert where.var() == pytest.approx(1 / 12, rel=0.03)
+    assert boxes[:, 2].mean() == pytest.approx(1.0, abs=4 / math.sqrt(n))
+    assert boxes[:, 2].var() == pytest.approx(1.0, rel=0.1)
+    assert abs(np.corrcoef(counts[:-1], counts[1:])[0, 1]) < 4 / math.sqrt(300)
+
+
+def test_every_gate_finds_the_same_plots_and_none_twice():
+    sea = a_sea()
+    wide, narrow = far(sea, size=400.0), far(sea, (20.3e3, 9.8e3), size=150.0)
+    assert {tuple(f) for f in inside(narrow, (20.3e3, 9.8e3), 600)} <= {tuple(f) for f in wide}
+    both = page.far_plots(
+        np.array([[20e3, 10e3], [20.3e3, 9.8e3]]),
+        np.array([np.diag([400.0**2] * 2), np.diag([150.0**2] * 2)]),
+        16.0,
+        sea,
+        0,
+    )
+    assert len({tuple(f) for f in both}) == len(both)
+    assert {tuple(f) for f in wide} <= {tuple(f) for f in both}
+    assert {tuple(f) for f in far(a_sea(key=4))}.isdisjoint({tuple(f) for f in far(sea)})
+
+
+def test_the_sea_ends_at_its_reach_and_leaves_the_squares_to_the_radar():
+    side = 1 / math.sqrt(3e-5)
+    ends = np.abs(far(a_sea(reach=500.0), size=2000.0)[:, :2] - (20e3, 10e3)).max()
+    assert 500 < ends < 500 + side
+    sea = a_sea(half=800.0)
+    found = far(sea, size=400.0)
+    assert len(found)
+    for x, y, _ in found:
+        assert not page.in_square(sea.X[0, 0], x, y, 800.0)
+    assert len(far(sea, size=100.0)) == 0  # the gate lies inside the square
+    assert len(far(a_sea(X=np.empty((1, 0, 4))))) == 0
+
+
+def test_a_wider_sea_changes_no_plot_that_was_there():
+    near, wide = far(a_sea(reach=900.0), size=2000.0), far(a_sea(reach=2000.0), size=2000.0)
+    assert {tuple(f) for f in near} < {tuple(f) for f in wide}
+
+
+def test_tracks_that_stay_in_the_squares_never_see_the_sea():
+    p = page.Scenario()
+    z = page.simulate(p, rng(1))
+    dry = z._replace(sea=z.sea._replace(X=np.empty((100, 0, 4))))
+    ours, theirs = (states(p, "LJIPDA-AI", 1, plots)[0] for plots in (z, dry))
+    assert np.linalg.norm((ours - page.course(p)[0])[:, :, ::2], axis=-1).max() < 400
+    np.testing.assert_array_equal(ours, theirs)
+
+
+def test_more_false_plots_than_memory_are_refused_before_they_are_drawn():
+    with pytest.raises(
+        ValueError, match=r"^simulate: 8e\+08 false plots in a trial, over 1e7; lower .*errors$"
+    ):
+        page.simulate(page.Scenario(clutter=1e-2, sigma_r=1000.0), rng(8))
+
+
+# The tracker --------------------------------------------------------------------------------------
+
+
 def test_zero_level_is_the_tracker_without_amplitude_bit_for_bit():
     p = page.Scenario(assumed_db=-math.inf)
     z = page.simulate(p, rng(2))
@@ -78,20 +184,14 @@ def test_without_clutter_the_error_reaches_the_bound():
     """No clutter, q = 0: a Kalman filter with the noise at the predicted position; the bound is
     slightly below.
     """
-    from tbdcore import kalman
-
     p = replace(CALM, q=0.0, init_position=50.0)
     X, F = page.course(p)
     error = np.array([states(p, "LJIPDA", i)[0][-1] - X[-1] for i in range(300)])[..., ::2]
     var = np.diag([p.sigma_r**2, math.radians(p.sigma_theta_deg) ** 2])
     R = np.array([[kalman.polar_noise(w, var) for w in scan] for scan in kalman.polar(X)])
     bound = kalman.position_bound(F, R, page.start_covariance(p), p.p_detect)[-1]
-    trace = np.array(
-        [
-            np.linalg.solve(b[::2, ::2], e.T @ e).trace() / 600
-            for b, e in zip(bound, error.transpose(1, 0, 2), strict=True)
-        ]
-    )
+    pairs = zip(bound, error.transpose(1, 0, 2), strict=True)
+    trace = np.array([np.linalg.solve(b[::2, ::2], e.T @ e).trace() / 600 for b, e in pairs])
     assert (trace > 1 - 4 * math.sqrt(1 / 300)).all()
     assert (trace < 1.35).all()
 
@@ -102,13 +202,50 @@ def test_methods_are_one_where_nothing_is_shared():
     alone = states(p, "IPDA", 3, z)[0]
     for method in ("JIPDA", "LJIPDA"):
         np.testing.assert_allclose(states(p, method, 3, z)[0], alone, rtol=1e-8)
+    aided = states(p, "JIPDA-AI", 3, z)[0]
+    for method in ("LJIPDA-AI", "LJIPDA-AI, strict", "LM-AI"):
+        np.testing.assert_allclose(states(p, method, 3, z)[0], aided, rtol=1e-8)
+
+
+def small_scan():
+    density = np.array([[4e-5, 9e-5, 0.0], [0.0, 6e-5, 5e-5]])
+    with np.errstate(divide="ignore"):
+        ratio = np.log(density / 3e-5)
+    return ratio, np.log(np.array([[0.2, 40.0, 0.3]] * 2)), np.array([0.9, 0.8]), np.full(2, 0.95)
+
+
+def test_strict_visibility_is_one_over_one_plus_the_odds_of_the_others():
+    ratio, loud, P, D = small_scan()
+    share = np.exp(ratio) / np.exp(ratio).sum(axis=1, keepdims=True) * (D * P)[:, None]
+    odds = share / (1 - share)
+    terms = np.exp(ratio + loud) / (1 + odds[::-1]) * D[:, None]
+    terms = np.column_stack([1 - D, terms])
+    beta, alive = page.associate(page.STRICT, ratio, loud, P, D)
+    np.testing.assert_allclose(beta, terms / terms.sum(axis=1, keepdims=True), rtol=1e-12)
+    L = terms.sum(axis=1)
+    np.testing.assert_allclose(alive, L * P / (L * P + 1 - P), rtol=1e-12)
+
+
+def test_every_way_to_share_is_its_association():
+    ratio, loud, P, D = small_scan()
+    zero = 0 * loud
+    same = {
+        page.VISIBLE: association.ljipda(ratio, loud, P, D),
+        page.EARLY: association.ljipda(ratio + loud, zero, P, D),
+        page.EXACT: association.jipda(ratio + loud, P, D),
+        page.MODULATED: association.ipda(association.modulated(ratio + loud, P, D), P, D),
+        page.ALONE: association.ipda(ratio + loud, P, D),
+    }
+    for how, found in same.items():
+        for ours, theirs in zip(page.associate(how, ratio, loud, P, D), found, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
 
 
 def test_empty_radar_kills_the_tracks():
     p = page.Scenario(p_detect=1e-12, clutter=1e-15)
     z = page.simulate(p, rng(4))
     assert len(z.z) == 0
-    found, alive = page.run(z, replace(p, p_detect=0.95), rng(4), "LJIPDA-AI")
+    found, alive = page.states(z, page.setup(replace(p, p_detect=0.95), rng(4)), "LJIPDA-AI")
     D, P = 0.95 * p.p_gate, p.p_start
     for k in range(1, 6):
         P = p.p11 * P
@@ -118,18 +255,256 @@ def test_empty_radar_kills_the_tracks():
 
 
 def test_a_dead_target_comes_back_with_the_second_row_of_the_matrix():
-    """No plots: existence by (11) with both rows, then a miss; by the whole matrix, whose rows sum
-    to one.
-    """
     p = page.Scenario(p_detect=1e-12, clutter=1e-15)
     z = page.simulate(p, rng(4))
     p = replace(p, p_detect=0.95, p11=0.9, p21=0.2)
-    alive, matrix = page.run(z, p, rng(4), "LJIPDA")[1], np.array([[0.9, 0.1], [0.2, 0.8]])
-    D, belief = 0.95 * p.p_gate, np.array([p.p_start, 1 - p.p_start])
+    alive = page.states(z, page.setup(p, rng(4)), "LJIPDA")[1]
+    matrix, D = np.array([[0.9, 0.1], [0.2, 0.8]]), 0.95 * p.p_gate
+    belief = np.array([p.p_start, 1 - p.p_start])
     for k in range(1, 30):
         belief = belief @ matrix * (1 - D, 1)
         belief /= belief.sum()
         np.testing.assert_allclose(alive[k], belief[0], rtol=1e-12)
+
+
+def test_starts_scatter_as_the_tracker_is_told():
+    for p in (page.Scenario(), page.Scenario(two_point=True)):
+        P, X = page.start_covariance(p), page.course(p)[0][0]
+        errors = np.array([page.start_tracks(p, rng(i))[0] - X for i in range(400)])
+        distance = np.einsum("nti,tij,ntj->nt", errors, np.linalg.inv(P), errors)
+        assert distance.mean() == pytest.approx(4.0, abs=4 * math.sqrt(8 / 1200))
+
+
+# Own data -----------------------------------------------------------------------------------------
+
+
+def two_boats(K=30, T=2.0, seed=1, false=10, tau=2.8):
+    """Setup and scans [x, y, amplitude] of two boats that cross, and their true positions."""
+    draw, start = rng(seed), np.array([[-400.0, 6.0, 2920.0, 1.5], [-400.0, 6.0, 3080.0, -1.5]])
+    truth = np.array([start @ np.linalg.matrix_power(motion.cv(T), k).T for k in range(K)])
+    scans = []
+    for k in range(K):
+        hit, n = draw.random(2) < 0.9, draw.poisson(false)
+        own = truth[k, hit, ::2] + 8 * draw.standard_normal((hit.sum(), 2))
+        z = np.vstack([own, (0, 3000) + 1000 * (draw.random((n, 2)) - 0.5)])
+        power = np.append(31 * draw.standard_exponential(hit.sum()), draw.standard_exponential(n))
+        scans.append(np.column_stack([z, np.sqrt(2 * power + tau**2)]))
+    known = {"P": np.diag([20.0, 3.0, 20.0, 3.0]) ** 2, "F": motion.cv(T)}
+    known |= {"Q": motion.step_acceleration(T, 0.05), "sigma_r": 8.0, "sigma_theta_deg": 0.15}
+    known |= {"p_detect": 0.9, "clutter": 1e-5, "snr": 30.0, "tau": tau}
+    return page.Setup(start, **known), scans, truth[..., ::2]
+
+
+SETUP, SCANS, TRUTH = two_boats()
+
+
+def test_two_boats_of_ones_own_are_tracked():
+    result = page.run(SCANS, SETUP, method="LM-AI")
+    assert result.x.shape == (30, 2, 4)
+    assert result.P.shape == (30, 2, 4, 4)
+    assert result.existence.shape == (30, 2)
+    assert np.linalg.norm(result.x[-1, :, ::2] - TRUTH[-1], axis=-1).max() < 25
+    assert (result.existence[-5:].max(axis=0) > 0.95).all()
+    for k, beta in enumerate(result.beta):
+        assert beta.shape == (2, len(SCANS[k]) + 1)
+        np.testing.assert_allclose(beta.sum(axis=1), 1, rtol=1e-12)
+    np.testing.assert_array_equal(result.beta[0][:, 0], 1)  # the first scan is not used
+
+
+@pytest.mark.parametrize("method", ["JIPDA", "LJIPDA", "IPDA"])
+def test_plots_without_amplitudes_are_tracked_by_methods_without(method):
+    bare = replace(SETUP, snr=None, tau=None)
+    ours = page.run([scan[:, :2] for scan in SCANS], bare, method=method)
+    theirs = page.run(SCANS, SETUP, method=method)
+    np.testing.assert_array_equal(ours.x, theirs.x)
+    np.testing.assert_array_equal(ours.existence, theirs.existence)
+
+
+def test_beta_names_the_plots_of_the_scan():
+    """A far plot put in front of a scan moves the columns and nothing else."""
+    stray = [np.vstack([[1e6, 1e6, 5.0], scan]) for scan in SCANS]
+    ours, theirs = (page.run(scans, SETUP, method="LM-AI") for scans in (stray, SCANS))
+    np.testing.assert_array_equal(ours.x, theirs.x)
+    for a, b in zip(ours.beta[1:], theirs.beta[1:], strict=True):
+        np.testing.assert_array_equal(a[:, 1], 0)
+        np.testing.assert_array_equal(np.delete(a, 1, axis=1), b)
+
+
+def test_run_is_the_loop_of_the_experiments_bit_for_bit():
+    p = page.Scenario()
+    z = page.simulate(p, rng(6))
+    result = page.run(z, p, rng(7), "LJIPDA")
+    x, alive = page.states(z, page.setup(p, rng(7)), "LJIPDA")
+    np.testing.assert_array_equal(result.x, x)
+    np.testing.assert_array_equal(result.existence, alive)
+
+
+def test_one_transition_is_the_same_as_one_per_scan_and_per_track():
+    once = page.run(SCANS, SETUP).x
+    for F in (np.tile(SETUP.F, (29, 1, 1)), np.tile(SETUP.F, (29, 2, 1, 1))):
+        np.testing.assert_array_equal(page.run(SCANS, replace(SETUP, F=F)).x, once)
+
+
+def test_numbers_by_track_are_the_same_as_one_for_all():
+    once = page.run(SCANS, SETUP, method="LM-AI")
+    P, many = np.tile(SETUP.P, (2, 1, 1)), [0.9, 0.9]
+    again = replace(SETUP, P=P, p_detect=many, p_start=many, snr=[30.0, 30.0])
+    np.testing.assert_array_equal(page.run(SCANS, again, method="LM-AI").x, once.x)
+    swapped = page.run(SCANS, replace(again, x=SETUP.x[::-1], snr=[30.0, 31.0]), method="LM-AI")
+    back = page.run(SCANS, replace(again, snr=[31.0, 30.0]), method="LM-AI")
+    np.testing.assert_allclose(swapped.x[:, ::-1], back.x, rtol=1e-9, atol=1e-9)
+
+
+def test_the_clutter_density_can_be_estimated():
+    """Unexplained plots over the area of the gates, by hand for one scan; tracks hold with it."""
+    S = np.array([np.diag([100.0**2, 50.0**2]), np.array([[900.0, 100.0], [100.0, 400.0]])])
+    log_p = np.full((2, 9), -10.0)
+    log_p[0, 7:], log_p[1, 3:] = -np.inf, -np.inf
+    area = math.pi * 16 * (5000 + math.sqrt(900 * 400 - 1e4))
+    assert page.clutter_density(log_p, S, 16.0, 1.8) == pytest.approx((7 + 3 - 1.8) / area)
+    assert page.clutter_density(log_p[:, :0], S, 16.0, 1.8) == pytest.approx(0.5 / area)
+    own = replace(SETUP, clutter="estimate")
+    found = page.run(SCANS, own, method="LM-AI")
+    assert np.linalg.norm(found.x[-1, :, ::2] - TRUTH[-1], axis=-1).max() < 25
+    assert not (found.x == page.run(SCANS, SETUP, method="LM-AI").x).all()
+
+
+def test_amplitudes_enter_as_excess_over_the_threshold():
+    z = page.own_plots([SCANS[0], SCANS[1]], SETUP, True)
+    u = (np.concatenate([SCANS[0], SCANS[1]])[:, 2] ** 2 - 2.8**2) / 2
+    np.testing.assert_allclose(z.u, u, rtol=1e-12)
+    np.testing.assert_array_equal(z.first, np.cumsum([0, len(SCANS[0]), len(SCANS[1])]))
+
+
+def test_scans_may_be_empty_and_of_any_number():
+    for K in (2, 7):
+        result = page.run([np.empty((0, 3))] * K, SETUP)
+        assert result.x.shape == (K, 2, 4)
+        assert (np.diff(result.existence, axis=0) < 0).all()
+        assert [beta.shape for beta in result.beta] == [(2, 1)] * K
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"P": np.zeros((4, 4))}, "^P of track 0: singular or not positive .* positive variances$"),
+        ({"P": np.diag([1.0, 1, 1, -1])}, "^P of track 0: singular or not positive"),
+        ({"P": np.eye(4) + np.eye(4, k=1)}, "^P of track 0: not symmetric .* give a covariance$"),
+        ({"P": np.ones((4, 4))}, "^P of track 0: singular"),
+        ({"P": np.eye(2)}, r"^P: shape \(2, 2\) in the setup; give \(4, 4\) or \(2, 4, 4\)$"),
+        ({"Q": -np.eye(4)}, "^Q: singular or not positive"),
+        ({"x": [[0.0, 0, 1]]}, r"^x: shape \(1, 3\) in the setup; give \(n, 4\)$"),
+        ({"x": [[0.0, 0, 1, np.nan]]}, "^x: a NaN or infinity in the setup; give finite numbers$"),
+        ({"x": np.empty((0, 4))}, r"^x: shape \(0, 4\) in the setup; give \(n, 4\)$"),
+        ({"x": "here"}, "^x: not numbers in the setup"),
+        ({"F": np.eye(3)}, r"^F: shape \(3, 3\) in the setup; give \(4, 4\) or \(n, 4, 4\) or"),
+        ({"sigma_r": 0.0}, "^sigma_r: 0.0 in the setup; give a positive, finite number$"),
+        ({"sigma_r": None}, "^sigma_r: "),
+        ({"sigma_theta_deg": 90.0}, "^sigma_theta_deg: 90.0 .* angle inside"),
+        ({"p_detect": 1.0}, r"^p_detect: 1.0 .* a probability inside \(0, 1\)$"),
+        (
+            {"p_detect": [0.9, 0.9, 0.9]},
+            r"^p_detect: shape \(3,\) in the setup; give \(\) or \(2,\)$",
+        ),
+        ({"p_gate": 1.0}, "^p_gate: 1.0 "),
+        ({"p_start": 0.0}, "^p_start: 0.0 "),
+        ({"p11": 1.5}, r"^p11: 1.5 .* a probability in \[0, 1\]$"),
+        ({"p21": -0.1}, "^p21: "),
+        ({"gamma": -1.0}, "^gamma: "),
+        ({"snr": -1.0}, "^snr: -1.0 .* a power ratio from 0 to"),
+        ({"tau": -1.0}, "^tau: -1.0 .* a finite number, not negative$"),
+        ({"clutter": 0.0}, "^clutter: 0.0 in the setup; give a positive, finite number$"),
+        ({"clutter": "guess"}, "^clutter: 'guess' in the setup"),
+        ({"clutter": math.nan}, "^clutter: nan"),
+    ],
+)
+def test_bad_setups_are_refused_in_one_line(change, words):
+    with pytest.raises(ValueError, match=words) as caught:
+        replace(SETUP, **change)
+    assert "\n" not in str(caught.value)
+
+
+def spoiled(value, column=2):
+    scans = [scan.copy() for scan in SCANS]
+    scans[3][1, column] = value
+    return scans
+
+
+@pytest.mark.parametrize(
+    ("scans", "change", "method", "words"),
+    [
+        (
+            spoiled(math.nan, 0),
+            {},
+            "LM-AI",
+            "^plots: scan 4, plot 2: a NaN or infinity; remove it$",
+        ),
+        (spoiled(math.inf), {}, "LM-AI", "^plots: scan 4, plot 2: a NaN"),
+        (
+            spoiled(2.7),
+            {},
+            "LM-AI",
+            "^plots: scan 4, plot 2: an amplitude below tau = 2.8; correct",
+        ),
+        (
+            [s[:, :2] for s in SCANS],
+            {},
+            "LM-AI",
+            r"^plots: scan 1: no amplitudes; give rows .* or LJIPDA$",
+        ),
+        ([s.T for s in SCANS], {}, "LM-AI", r"^plots: scan 1: shape \(3, \d+\); give rows"),
+        (SCANS[:1], {}, "LM-AI", "^plots: 1 scans; give at least 2"),
+        (SCANS, {"tau": None}, "LM-AI", "^tau: not given; give the threshold"),
+        (
+            SCANS,
+            {"snr": None},
+            "LM-AI",
+            "^snr: LM-AI needs the levels of the targets; give snr, or",
+        ),
+        (
+            SCANS,
+            {"F": np.tile(motion.cv(2.0), (30, 1, 1))},
+            "LJIPDA",
+            "^F: 30 transitions for 30 scans; give one, or 29$",
+        ),
+        (SCANS, {}, "foo", "^method: 'foo' is unknown; choose one of JIPDA; LJIPDA; "),
+        (
+            SCANS,
+            {"x": np.tile(SETUP.x, (9, 1))},
+            "JIPDA-AI",
+            "^x: 18 tracks, the limit .* 16; track in groups, or choose LM-AI",
+        ),
+    ],
+)
+def test_data_that_cannot_be_tracked_are_refused_in_one_line(scans, change, method, words):
+    with pytest.raises(ValueError, match=words) as caught:
+        page.run(scans, replace(SETUP, **change), method=method)
+    assert "\n" not in str(caught.value)
+
+
+def test_many_tracks_are_no_limit_to_linear_methods():
+    crowd = replace(SETUP, x=np.tile(SETUP.x, (9, 1)))
+    assert page.run(SCANS[:4], crowd, method="LM-AI").x.shape == (4, 18, 4)
+
+
+def test_the_manual_names_everything():
+    text = page.__doc__ or ""
+    text = text if "run(" in text else page.__source__.partition('"""')[2].partition('"""')[0]
+    for word in (
+        "[x, vx, y, vy]",
+        "origin",
+        "amplitude",
+        "beta",
+        "existence",
+        "Setup",
+        "16 tracks",
+    ):
+        assert word in text
+    for method in page.METHODS:
+        assert method in text
+
+
+# Scenarios ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -156,10 +531,14 @@ def test_a_dead_target_comes_back_with_the_second_row_of_the_matrix():
         ({"gamma": -1}, "^gamma: -1 "),
         ({"T": 0.0}, "^T: 0.0 "),
         ({"half": -800.0}, "^half: -800.0 "),
+        ({"reach": 0.0}, "^reach: 0.0 "),
         ({"q": -1}, "^q: -1 in the scenario; give a finite number, not negative$"),
         ({"snr_db": math.nan}, "^snr_db: nan in the scenario; give a level below 100 dB$"),
         ({"assumed_db": 4000.0}, "^assumed_db: 4000.0 "),
-        ({"scenario": "x"}, "^scenario: 'x' is unknown; choose one of cross, print$"),
+        (
+            {"scenario": "x"},
+            "^scenario: 'x' is unknown; choose one of cross, print, pair, fan, common$",
+        ),
         (
             {"frames": 60},
             "^frames: 60 in the scenario; give a whole number, at least 75 scans for cross$",
@@ -173,111 +552,120 @@ def test_bad_scenarios_are_refused_in_one_line(change, words):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0, 1e100])
-def test_amplitudes_that_no_radar_gives_are_refused(bad):
-    p = page.Scenario()
-    z = page.simulate(p, rng(5))
-    z.u[7] = bad
-    with pytest.raises(
-        ValueError,
-        match=f"^plots: .* u of plot 7 is {re.escape(str(bad))}; give a number from 0 to 1e12$",
-    ):
-        page.run(z, p, rng(6))
+# The page's own cells -----------------------------------------------------------------------------
 
 
-def test_plots_that_do_not_go_together_and_unknown_methods_are_refused():
-    p = page.Scenario()
-    z = page.simulate(p, rng(5))
-    for odd in (
-        z._replace(first=z.first[:-1]),
-        z._replace(first=z.first[::-1].copy()),
-        z._replace(first=1.0 * z.first),
-    ):
-        with pytest.raises(
-            ValueError,
-            match="^plots: first does not divide .* into 100 scans; give 101 indices from 0 to ",
-        ):
-            page.run(odd, p, rng(6))
-    with pytest.raises(
-        ValueError, match="^plots: .* powers u of shape .*; give one excess power for each plot$"
-    ):
-        page.run(z._replace(u=z.u[:-1]), p, rng(6))
-    with pytest.raises(
-        ValueError, match="^method: 'foo' is unknown; choose one of JIPDA, LJIPDA, "
-    ):
-        page.run(z, p, rng(6), "foo")
+DERIVATION = (
+    *("def p_target", "def p_false", "def pd_of", "def tau_of", "def ratio"),
+    *("def predict_existence", "def prior", "def source", "def visible"),
+    *("def indicator", "def posterior", "def weights", "def mixture"),
+)
 
 
-def test_plots_that_are_not_finite_are_refused():
-    p = page.Scenario()
-    z = page.simulate(p, rng(7))
-    z.z[3, 1] = np.nan
-    with pytest.raises(ValueError, match="plot 3 is .* not finite"):
-        page.run(z, p, rng(7))
+def derived(p=None):
+    p = p or page.Scenario()
+    names = {"np": np, "math": math, "p": p, "d": float(detection.from_db(p.snr_db)), **vars(page)}
+    import pandas as pd
 
-
-def cells_of_the_page(*openings):
-    """What some cells of the notebook define, on top of its algorithm."""
-    names = {"np": np, "math": math, **vars(page)}
-    for opening in openings:
+    names["pd"] = pd
+    for opening in DERIVATION:
         (source,) = [cell for cell in pages.cells("ljipda_ai") if cell.startswith(opening)]
         exec(source, names)
     return names
 
 
-def test_more_false_plots_than_memory_are_refused_before_they_are_drawn():
-    with pytest.raises(
-        ValueError, match=r"^simulate: 8e\+08 false plots in a trial, over 1e7; lower .*errors$"
-    ):
-        page.simulate(page.Scenario(clutter=1e-2, sigma_r=1000.0), rng(8))
+def scan_by_hand(names, z, u, x, P, F, p):
+    """Means after one scan of LJIPDA-AI, with the equations of the page."""
+    var = np.diag([p.sigma_r**2, math.radians(p.sigma_theta_deg) ** 2])
+    xs, Ps = kalman.predict(x, P, F, motion.step_acceleration(p.T, math.sqrt(p.q)))
+    S = Ps[:, ::2, ::2] + [kalman.polar_noise(w, var) for w in kalman.polar(xs)]
+    nu = z - xs[:, None, ::2]
+    d2 = np.einsum("tmi,tij,tmj->tm", nu, np.linalg.inv(S), nu)
+    N = np.exp(-d2 / 2) / np.sqrt(np.linalg.det(2 * np.pi * S))[:, None] / p.p_gate
+    N = N * (d2 <= p.gamma)  # (21)
+    d, D = names["d"], np.full(len(x), p.p_detect * p.p_gate)
+    prior = names["prior"](N, names["predict_existence"](np.full(3, p.p_start), p), D)
+    P_V, p_hat = names["visible"](names["source"](prior)[0]), N * np.exp(d / (1 + d) * u) / (1 + d)
+    delta = names["indicator"](P_V, p_hat, p.clutter, D)
+    beta = names["weights"](P_V, p_hat, p.clutter, D, delta)
+    tracks = zip(xs, Ps, S, beta, strict=True)
+    return [names["mixture"](x, P, S, z, b) for x, P, S, b in tracks]
+
+
+def test_parameters_that_judge_are_those_of_the_rules():
+    rule = claims.numbers(claims.read("ljipda_ai")["t1.jipda.track1.x"].rule)
+    known = pages.parameters("ljipda_ai")
+    for name in ("loss distance", "loss scans"):
+        assert known[name.replace(" ", "_")].default == rule[name]
+    assert known["init_position"].default == rule["start position"]
+    assert known["init_speed"].default == rule["start speed"]
+    assert known["sigma_theta_deg"].default == rule["azimuth error"]
+
+
+def test_amplitude_ratio_of_the_page_is_that_of_the_core():
+    names = derived()
+    tau = names["tau_of"](0.02)
+    a = tau + np.linspace(0, 4, 9)
+    core = detection.amplitude_ratio((a**2 - tau**2) / 2, np.array([10.0]))[0]
+    np.testing.assert_allclose(np.log(names["ratio"](a, tau, 10.0)), core, rtol=1e-10)
+
+
+@pytest.mark.parametrize("snr_db", [-20.0, -11.0, 0.0, 10.0, 25.0, 40.0])
+def test_ratio_has_the_mean_one_over_false_plots_at_any_level(snr_db):
+    from scipy import integrate
+
+    d = 10 ** (snr_db / 10)
+
+    def weighed(v):  # u = (1 + d) v
+        u = (1 + d) * v
+        ratio = detection.amplitude_ratio(np.array([u]), np.array([d]))[0, 0]
+        return math.exp(ratio - u) * (1 + d)
+
+    assert integrate.quad(weighed, 0, np.inf)[0] == pytest.approx(1.0, abs=1e-8)
+
+
+def test_equations_of_the_page_are_the_core():
+    names = derived()
+    ratio, loud, P, D = small_scan()
+    p = np.exp(ratio) * 3e-5
+    P_V = names["visible"](names["source"](names["prior"](p, P, D))[0])
+    np.testing.assert_allclose(P_V, association.visibility(ratio, P, D), rtol=1e-12)
+    p_hat = p * np.exp(loud)
+    delta = names["indicator"](P_V, p_hat, 3e-5, D)
+    beta, alive = association.ljipda(ratio, loud, P, D)
+    np.testing.assert_allclose(names["weights"](P_V, p_hat, 3e-5, D, delta), beta, rtol=1e-12)
+    np.testing.assert_allclose(names["posterior"](delta, P), alive, rtol=1e-12)
 
 
 def test_prior_of_an_empty_gate_is_zero():
-    prior = cells_of_the_page("def prior(")["prior"]
-    found = prior(
+    found = derived()["prior"](
         np.array([[0.0, 0.0], [3e-5, 1e-5]]), np.array([0.9, 0.8]), np.array([0.95, 0.95])
     )
     np.testing.assert_allclose(found, [[0.0, 0.0], [0.57, 0.19]], rtol=1e-12)
 
 
-@pytest.mark.parametrize("snr_db", [-20.0, -11.0, 0.0, 25.0, 40.0])
-def test_ratio_has_the_mean_one_over_false_plots_at_any_level(snr_db):
-    names = {
-        "d": 10 ** (snr_db / 10),
-        "p": CALM,
-        "integrate": page.integrate,
-        "math": math,
-        "np": np,
-        "pd": page.pd,
-    }
-    (source,) = [
-        cell for cell in pages.cells("ljipda_ai") if cell.startswith("mean = integrate.quad")
-    ]
-    exec(source, names)
-    assert names["mean"] == pytest.approx(1.0, abs=1e-8)
-
-
 @pytest.mark.parametrize(
     "change", [{}, {"snr_db": 40.0}, {"p_detect": 1e-6, "clutter": 1e-12}, {"gamma": 0.1}]
 )
-def test_scan_by_hand_holds_for_loud_plots_and_for_empty_gates(change):
+def test_scan_by_hand_is_the_scan_of_the_core(change):
     p = page.Scenario(**change)
-    names = cells_of_the_page(
-        "def predict_existence",
-        "def prior(",
-        "def source(",
-        "def indicator(",
-        "def weights(",
-        "def mixture(",
-        "def scan_by_hand",
-    )
-    names |= {
-        "p": replace(p, assumed_db=p.snr_db),
-        "d": 10 ** (p.snr_db / 10),
-        "TRACKS": ["1", "2"],
-        "page": lambda: page,
-    }
-    names |= {"stream": lambda i, purpose: rng(9, len(purpose)), "plots": page.simulate(p, rng(9))}
-    (source,) = [cell for cell in pages.cells("ljipda_ai") if cell.startswith("plain = plots")]
-    exec(source, names)
-    assert np.isfinite(names["hand"]).all()
+    p = replace(p, assumed_db=p.snr_db)
+    names, z = derived(p), page.simulate(p, rng(9))
+    z = z._replace(u=np.minimum(z.u, 500.0))
+    here = slice(z.first[1], z.first[2])
+    start, F = page.start_tracks(p, rng(1)), page.course(p)[1][0]
+    hand = scan_by_hand(names, z.z[here], z.u[here], *start, F, p)
+    core = page.run(z, p, rng(1))
+    np.testing.assert_allclose([mean for mean, _ in hand], core.x[1], rtol=1e-9)
+    np.testing.assert_allclose([cov for _, cov in hand], core.P[1], rtol=1e-6, atol=1e-6)
+
+
+def test_amplitude_makes_the_linear_method_claim_a_plot_twice_and_not_the_others():
+    ratio, _, P, D = small_scan()
+    loud = detection.amplitude_ratio(np.array([0.2, 16.0, 0.4]), np.full(2, 10.0))
+    total = {}
+    for how in (page.VISIBLE, page.STRICT, page.EARLY, page.MODULATED, page.EXACT):
+        shares, alive = page.associate(how, ratio, loud, P, D)
+        total[how] = shares[:, 2] @ alive
+    assert min(total[how] for how in (page.VISIBLE, page.STRICT, page.EARLY)) > 1.9
+    assert max(total[how] for how in (page.MODULATED, page.EXACT)) < 1 + 1e-9
