@@ -157,7 +157,7 @@ def page(paper):
     """The algorithm of a paper as a module.
 
     The module is made of the notebook's cells tagged ``algorithm``.  Its functions can be handed to
-    worker processes, and its kernels are cached on disk.
+    worker processes, and its kernels are cached on disk, by the page's and the core's sources.
     """
     import cloudpickle
 
@@ -166,7 +166,9 @@ def page(paper):
     with _ONE_AT_A_TIME:  # a worker may have threads, and all of them may ask for the page at once
         if name in sys.modules and sys.modules[name].__source__ == source:
             return sys.modules[name]
-        file = _written(f"{paper}_{products.digest([source.encode()])}.py", source.encode())
+        core = [file.read_bytes() for file in products.imported(source)]  # its kernels go along
+        key = products.digest([source.encode(), *core])
+        file = _written(f"{paper}_{key}.py", source.encode())
         module = types.ModuleType(name, f"The algorithm cells of {path(paper).name}.")
         module.__file__, module.__source__ = str(file), source
         exec(compile(source, module.__file__, "exec"), module.__dict__)
