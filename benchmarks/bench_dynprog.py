@@ -20,7 +20,8 @@ K, GRID, M = 11, (50, 50), 3
 ONE, ASIDE = np.ones(1), np.array([0.95, 1.0, 0.95])
 WINDOW, SLACK = np.ones(2 * M + 1), np.array([0.0, 1.0, 1.0])
 LITERAL = np.array([[0.95 ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
-SETS = {  # family of kernels, weights, velocities, lowest_velocity, longest step, looks per state and frame
+# family of kernels, weights, velocities, lowest velocity, longest step, looks per state and frame
+SETS = {
     "conventional": ("box", (WINDOW,), 1, 0, M, 12),
     "Tonissen": ("box", (SLACK,), 2 * M, 1 - M, M + 1, 4),
     "weighted": ("weighted", (ASIDE, ASIDE), 2 * M, 1 - M, M + 1, 12),
@@ -65,7 +66,8 @@ def rows():
     for name, (family, weights, V, lowest_velocity, reach, looks) in SETS.items():
         I = np.empty((K, V, V, *(n + 2 * reach for n in GRID)))
         forward, path = f"{family}_forward", f"{family.replace('box', 'weighted')}_path"
-        arguments = weights, weights if family != "box" else (*weights, ONE), I, lowest_velocity, reach
+        path_weights = weights if family != "box" else (*weights, ONE)
+        arguments = weights, path_weights, I, lowest_velocity, reach
         seconds = best(trial, frames, getattr(dynprog, forward), getattr(dynprog, path), *arguments)
         spec = best(
             trial,

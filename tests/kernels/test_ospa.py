@@ -35,7 +35,7 @@ def test_ospa_equals_brute_force_over_permutations(p):
 
 
 def test_ospa_takes_the_power_before_the_assignment():
-    """Distances 0 and sqrt(4.25) have the smaller sum, 1 and sqrt(1.25) the smaller sum of squares."""
+    """Distances 0 and sqrt(4.25) have the smaller sum, 1 and sqrt(1.25) that of squares."""
     X, Y = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.0, 0.0], [2.0, 0.5]])
     assert score.ospa(X, Y, 10.0, 1) == pytest.approx(math.sqrt(4.25) / 2)
     assert score.ospa(X, Y, 10.0, 2) == pytest.approx(
