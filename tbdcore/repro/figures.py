@@ -15,8 +15,10 @@ This is the only module that imports matplotlib.
 import contextlib
 import io
 import json
+import pickle
 import re
 
+import cloudpickle
 import matplotlib
 import numpy as np
 import pandas as pd
@@ -154,7 +156,8 @@ class Portfolio:
             self.files[f"{name}.{extension}"] = b""  # its place in the list of files
         if self.background:
             self.pool = self.pool or trials.process()
-            self.waiting.append(self.pool.submit(render, fig, name, id, ("pdf", "svg")))
+            copy = cloudpickle.dumps(fig)  # now, since drawing changes a figure
+            self.waiting.append(self.pool.submit(_render_copy, copy, name, id, ("pdf", "svg")))
             self.files |= render(fig, name, id, ("png",))
         else:
             self.files |= render(fig, name, id, tuple(CANVASES))
@@ -227,6 +230,10 @@ def _lay_out(fig):
     for ax in fig.axes:
         bounds = ax.get_position(original=True).bounds
         ax.set_position(np.round(bounds, 6), which="original")
+
+
+def _render_copy(copy, *arguments):
+    return render(pickle.loads(copy), *arguments)
 
 
 def render(fig, name, id, extensions):
