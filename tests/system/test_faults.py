@@ -53,8 +53,8 @@ FAULTS = [
     Plant(
         "a missing square in the blob",
         "tbdcore/sensor.py",
-        "[..., None]) ** 2) / (2.0 * blur * blur)",
-        "[..., None]) ** 2) / (2.0 * blur)",
+        "g.append(np.exp(-(d**2) / (2.0 * blur * blur)))",
+        "g.append(np.exp(-(d**2) / (2.0 * blur)))",
         "kernels/test_sensor.py::test_blob_energy_depends_on_where_in_the_cell_it_falls",
     ),
     Plant(
@@ -145,8 +145,8 @@ FAULTS = [
     Plant(
         "the noise forgotten under the target",
         "tbdcore/detection.py",
-        "return np.exp(-np.asarray(eta, float) / (1 + np.asarray(snr, float)))",
-        "return np.exp(-np.asarray(eta, float) / np.asarray(snr, float))",
+        "0.0, math.inf) / (1 + _within",
+        "0.0, math.inf) / (0 + _within",
         "kernels/test_detection.py::test_swerling_1_from_complex_samples",
     ),
     Plant(
