@@ -8,7 +8,7 @@ made it have changed since; ``gallery`` and ``bibliography`` are the pages ``fig
 
 Bibliographic fields come from ``data/papers.toml`` and, for this repository, from ``CITATION.cff``;
 what is not known is left out.  A paper without authors gets a ``key``, which BibTeX sorts by
-instead.  Products are those in ``paths.figures()``.
+instead, and a ``note`` that says so.  Products are those in ``paths.figures()``.
 """
 
 import os
@@ -19,10 +19,9 @@ from pathlib import Path
 from tbdcore.repro import claims, pages, paths, products
 
 ARTICLE = ("author", "title", "journal", "year")  # what BibTeX requires of an @article
-# a table as it is, or as wide as the text
-NARROWER = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"
-FIELDS = (*ARTICLE[:3], "volume", "number", "pages", "year", "version", "doi", "url", "key")
-KINDS = ("pdf", "svg", "png", "md", "tex", "csv", "json")
+FIELDS = (*ARTICLE[:3], "volume", "number", "pages", "year", "version", "doi", "url", "key", "note")
+COLUMN = 325  # points: a little less than the text of an article, 345, is wide
+KINDS = ("pdf", "svg", "png", "gif", "md", "tex", "csv", "json")
 
 
 def ids(*papers):
@@ -88,7 +87,10 @@ def _relative(file, start=None):
 
 
 def _latex(about, have):
-    """A figure or a table environment, which needs no other packages than graphicx and booktabs."""
+    """A figure or a table environment, ready to be put into a report.
+
+    A table is set at 8 pt in a document of 10 pt; one that is wider than the text lies on its side.
+    """
     kind = "figure" if "png" in have or "pdf" in have else "table"
     if {"figure": "pdf", "table": "tex"}[kind] not in have:
         advice = f"make them anew: tbdcore run {about['paper']}"
@@ -96,16 +98,27 @@ def _latex(about, have):
     says = products.tex(about["caption"].rstrip(" ."))
     body = [f"\\caption{{{says}. {_after(about)} with~\\cite{{tbdcore}}.}}"]
     body += [f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"]
+    environment, package = kind, {"figure": "graphicx", "table": "booktabs"}[kind]
     if kind == "figure":
-        package = "graphicx"
         body = [f"\\includegraphics[width=\\linewidth]{{{_relative(have['pdf'])}}}", *body]
     else:
-        package = "booktabs,graphicx"
-        body += [r"\smallskip", NARROWER, f"  \\input{{{_relative(have['tex'])}}}}}%"]
+        body += [r"\smallskip\footnotesize\tabcolsep=3pt", f"\\input{{{_relative(have['tex'])}}}"]
+        if _points(have["tex"].read_text(encoding="utf-8")) > COLUMN:
+            environment, package = "sidewaystable", "booktabs,rotating"
     entries = f"\\bibliography{{{_relative(paths.figures() / 'figures')}}}"
     needs = f"% needs \\usepackage{{{package}}}, and {entries} with \\bibliographystyle{{plain}}"
-    lines = [needs, f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
-    return "\n".join([*lines, f"\\end{{{kind}}}", ""])
+    lines = [needs, f"\\begin{{{environment}}}", "  \\centering", *(f"  {line}" for line in body)]
+    return "\n".join([*lines, f"\\end{{{environment}}}", ""])
+
+
+def _points(tabular):
+    """About how wide a tabular of ours is at 8 pt, 6 pt between its columns."""
+    rows = [
+        line.removesuffix(r" \\").split(" & ") for line in tabular.splitlines() if " & " in line
+    ]
+    plain = [[re.sub(r"\\[a-z]+|[\\${}]", "", cell) for cell in row] for row in rows[1:]]
+    widths = [max(map(len, column)) for column in zip(*plain, strict=True)]
+    return sum(4.1 * min(max(width, 8), 27) + 6 for width in widths)
 
 
 def _after(about):
@@ -138,7 +151,8 @@ def paper_entry(paper):
     chinese = r"\s*\([^)]*[\u3000-\u9fff][^)]*\)"  # in brackets; pdfTeX cannot set it
     fields = {name: products.tex(re.sub(chinese, "", str(about.get(name, "")))) for name in FIELDS}
     fields["author"] = products.tex(" and ".join(about.get("authors", ())))
-    fields["key"] = "" if fields["author"] else fields["title"]
+    if not fields["author"]:
+        fields |= {"key": fields["title"], "note": "the text at hand names no authors"}
     fields["title"] = f"{{{fields['title']}}}"
     fields["pages"] = fields["pages"].replace("-", "--")
     return entry("article" if all(fields[name] for name in ARTICLE) else "misc", paper, fields)
@@ -242,6 +256,7 @@ def _judged(row):
 _PLACES = {
     ".pdf": rb"/Title\s*\(([^)]*)\)",
     ".svg": rb"<dc:title>\s*([^<]*?)\s*</dc:title>",
+    ".gif": rb"!\xfe.(\w+/\w+)\0",
     ".md": rb"^<!-- (\w+/\w+) -->",
     ".tex": rb"^% (\w+/\w+)\n",
     ".json": rb'"id": "(\w+/\w+)"',

@@ -167,6 +167,21 @@ class Portfolio:
         self.files[f"{name}.json"] = self._json(id, caption, claims)
         return screen.Exhibit(id, caption, self.files[f"{name}.png"])
 
+    def film(self, fig, name, draw, steps, caption="", **saved):
+        """Keep a figure, and as ``<name>.gif`` how ``draw(0)`` to ``draw(steps - 1)`` change it.
+
+        The figure itself is the last picture, at which the film rests.  `saved` goes to `save`.
+        """
+        id = self._id(name, caption)
+        draw(steps - 1)
+        _lay_out(fig)
+        pictures = []
+        for step in range(steps):
+            draw(step)
+            pictures += render(fig, name, id, ("png",), dpi=STYLE["figure.dpi"]).values()
+        self.files[f"{name}.gif"] = _animated(pictures, id)
+        return self.save(fig, name, caption=caption, **saved)
+
     def table(self, frame, name, caption="", claims=()):
         """Keep a table as ``<paper>/<name>`` in CSV, Markdown and LaTeX; returns the frame."""
         id = self._id(name, caption)
@@ -200,7 +215,7 @@ class Portfolio:
         for file in folder.glob("*.json"):
             with contextlib.suppress(ValueError, TypeError, KeyError):  # it is no record
                 if json.loads(file.read_text(encoding="utf-8"))["paper"] == self.paper:
-                    suffixes = (*CANVASES, "csv", "md", "tex", "json")
+                    suffixes = (*CANVASES, "gif", "csv", "md", "tex", "json")
                     files += [file.with_suffix(f".{suffix}") for suffix in suffixes]
         return [file for file in files if file.name not in self.files]
 
@@ -236,15 +251,32 @@ def _render_copy(copy, *arguments):
     return render(pickle.loads(copy), *arguments)
 
 
-def render(fig, name, id, extensions):
+def render(fig, name, id, extensions, dpi=STYLE["savefig.dpi"]):
     """A figure in some formats, file name -> bytes, the same bytes every time."""
     made = {}
     with matplotlib.rc_context(STYLE):
         for extension in extensions:
             buffer, canvas = io.BytesIO(), CANVASES[extension](fig)
-            fig.dpi = STYLE["savefig.dpi"]
+            fig.dpi = dpi
             metadata = {"Title": id} | NO_DATE[extension]
             # `savefig` would draw each format twice
             getattr(canvas, f"print_{extension}")(buffer, metadata=metadata)
             made[f"{name}.{extension}"] = buffer.getvalue()
     return made
+
+
+def _animated(pictures, id):
+    """PNG files as one GIF, in 128 colours of the last one, which stays for four seconds.
+
+    The id is its comment.
+    """
+    from PIL import Image
+
+    frames = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
+    palette = frames[-1].quantize(128, Image.Quantize.MAXCOVERAGE)
+    first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    lasting = [400] * len(others) + [4000]
+    buffer = io.BytesIO()
+    how = {"save_all": True, "append_images": others, "duration": lasting, "loop": 0}
+    first.save(buffer, "gif", comment=id.encode(), **how)
+    return buffer.getvalue()

@@ -16,6 +16,7 @@ import math
 import os
 import re
 import signal
+import textwrap
 from importlib.metadata import version
 
 from tbdcore.repro import paths
@@ -238,14 +239,34 @@ def latex(frame):
     """A frame as a LaTeX tabular with booktabs rules.
 
     Cells in dollars stay mathematics, symbols such as P_d and ± become it, everything else is
-    escaped; columns of numbers are aligned to the right.
+    escaped; columns of numbers are aligned to the right.  Headers wider than their column are
+    broken, and so are long texts.
     """
     header, rows = _cells(frame)
     columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
-    places = "".join("r" if all(map(_NUMBER.fullmatch, column)) else "l" for column in columns)
-    head, *body = (" & ".join(map(tex, cells)) + r" \\" for cells in (header, *rows))
-    lines = [rf"\begin{{tabular}}{{{places}}}", r"\toprule", head, r"\midrule", *body]
+    places = ["r" if all(map(_NUMBER.fullmatch, column)) else "l" for column in columns]
+    widths = [max(map(len, column), default=0) for column in columns]
+    parts = zip(header, widths, places, strict=True)
+    head = " & ".join(_stack(name, max(width, 9), place) for name, width, place in parts)
+    wide = [
+        place if width <= 34 else "p{13em}" for width, place in zip(widths, places, strict=True)
+    ]
+    body = [" & ".join(map(tex, cells)) + r" \\" for cells in rows]
+    lines = [
+        rf"\begin{{tabular}}{{{''.join(wide)}}}",
+        r"\toprule",
+        head + r" \\",
+        r"\midrule",
+        *body,
+    ]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def _stack(text, width, place):
+    """A header in as many lines as its column's width asks for."""
+    lines = [text] if "$" in text else textwrap.wrap(text, width, break_long_words=False)
+    stacked = r" \\ ".join(map(tex, lines))
+    return stacked if len(lines) < 2 else rf"\shortstack[{place}]{{{stacked}}}"
 
 
 def tex(text):

@@ -6,10 +6,11 @@ import shutil
 import subprocess
 import tomllib
 
+import pandas as pd
 import pytest
 import tiny
 
-from tbdcore.repro import cite, cli, paths
+from tbdcore.repro import cite, cli, paths, products
 
 ALL = tomllib.loads((tiny.ROOT / "data" / "papers.toml").read_text(encoding="utf-8"))
 
@@ -86,7 +87,7 @@ def compiled(folder, body):
     """Complaints of pdflatex and bibtex about a document: errors, missing entries, and what is
     wider or higher than the page.
     """
-    head = "\\documentclass{article}\n\\usepackage{booktabs,graphicx}\n\\begin{document}\n"
+    head = "\\documentclass{article}\n\\usepackage{booktabs,graphicx,rotating}\n\\begin{document}\n"
     tail = "\\bibliographystyle{plain}\n\\bibliography{figures}\n\\end{document}\n"
     (folder / "report.tex").write_text(head + body + tail, encoding="utf-8")
     said = ""
@@ -116,6 +117,16 @@ def test_a_report_with_every_figure_and_table_compiles_with_plain_pdflatex(tmp_p
     monkeypatch.chdir(tmp_path)
     body = "".join(cite.text(id, "latex") + "\\clearpage\n" for id in cite.ids())
     assert compiled(tmp_path, body) == []
+
+
+@pytest.mark.parametrize(("columns", "environment"), [(4, "table"), (9, "sidewaystable")])
+def test_a_table_wider_than_the_text_lies_on_its_side(execute, columns, environment):
+    frame = pd.DataFrame({f"a name of {k}": ["1.25 ± 0.01"] for k in range(columns)})
+    files = products.table_files(frame, "table1", "tiny/table1")
+    (paths.figures() / "tiny" / "table1.tex").write_bytes(files["table1.tex"])
+    text = cite.text("tiny/table1", "latex")
+    assert re.findall(r"\\begin\{(\w+)\}", text) == [environment]
+    assert ("rotating" in text) == (environment != "table")
 
 
 def test_paths_are_those_of_the_folder_where_the_report_is(execute, capsys, monkeypatch, tmp_path):
@@ -171,7 +182,9 @@ def test_a_paper_has_a_legal_entry_with_what_is_known_and_nothing_else(paper):
     assert fields["title"] == f"{{{about['title']}}}"
     assert fields.get("author", "").split(" and ") == (about["authors"] or [""])
     assert ("key" in fields) == (not about["authors"]), "BibTeX sorts by author, or by key"
-    assert set(fields) <= {"title", "author", "key", "journal", "year", "volume", "number", "pages"}
+    assert ("no authors" in fields.get("note", "")) == (not about["authors"])
+    known = {"title", "author", "key", "note", "journal", "year", "volume", "number", "pages"}
+    assert set(fields) <= known
     assert fields.get("year", "") == str(about.get("year", ""))
     assert all(value.isascii() for value in fields.values()), "pdfTeX sets these"
 
@@ -242,6 +255,12 @@ def test_which_finds_a_renamed_copy_whatever_the_case_of_its_ending(
     code, out, _ = tbdcore(capsys, "which", str(copy))
     assert (code, out.splitlines()[0]) == (0, f"tiny/{stem}")
     assert "draws" in out.splitlines()[1], "its caption"
+
+
+def test_a_film_is_found_by_its_comment(execute, tmp_path):
+    comment = b"GIF89a!\xfe\ntiny/fig1\x00;"
+    (tmp_path / "film.gif").write_bytes(comment)
+    assert cite.embedded(tmp_path / "film.gif") == "tiny/fig1"
 
 
 def test_a_re_saved_picture_keeps_id_and_caption(execute, capsys, tmp_path):

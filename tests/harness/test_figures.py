@@ -1,5 +1,6 @@
 """Products: the same bytes twice, traceable, and nothing written unless all of it is."""
 
+import io
 import json
 import math
 import re
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import tiny
+from PIL import Image
 
 from tbdcore.repro import figures, screen
 from tbdcore.repro.claims import Ledger
@@ -158,6 +160,22 @@ def test_drawing_leaves_no_figure_open(portfolio):
     from matplotlib import pyplot as plt
 
     assert plt.get_fignums() == []
+
+
+def test_a_film_is_a_figure_with_a_picture_for_each_step(portfolio):
+    fig, ax = portfolio.new(width=2, height=1.5)
+    (line,) = ax.plot([0, 3], [0, 3])
+    portfolio.film(fig, "walk", lambda k: line.set_data([0, k], [0, k]), 4, caption="A walk.")
+    film = Image.open(io.BytesIO(portfolio.files["walk.gif"]))
+    assert (film.n_frames, film.size) == (4, (200, 150))
+    assert film.info["comment"] == b"toy/walk"
+    pictures = set()
+    for k in range(4):
+        film.seek(k)
+        pictures.add(film.convert("RGB").tobytes())
+    assert len(pictures) == 4
+    assert "walk.gif" in json.loads(portfolio.files["walk.json"])["files"]
+    assert {"walk.pdf", "walk.svg", "walk.png"} <= set(portfolio.files)
 
 
 def test_nothing_is_written_before_publish(portfolio, ledger, tmp_path):
