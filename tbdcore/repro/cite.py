@@ -256,7 +256,7 @@ def _judged(row):
 _PLACES = {
     ".pdf": rb"/Title\s*\(([^)]*)\)",
     ".svg": rb"<dc:title>\s*([^<]*?)\s*</dc:title>",
-    ".gif": rb"!\xfe.(\w+/\w+)\0",
+    ".gif": rb"!\xfe[\s\S](\w+/\w+)\0",
     ".md": rb"^<!-- (\w+/\w+) -->",
     ".tex": rb"^% (\w+/\w+)\n",
     ".json": rb'"id": "(\w+/\w+)"',
