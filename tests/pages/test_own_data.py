@@ -2,6 +2,7 @@
 
 import re
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -14,10 +15,17 @@ BLOCKS = {
 
 
 @pytest.fixture
-def example(request, capsys):
-    """What the example of a page leaves behind."""
+def example(request, tmp_path, monkeypatch):
+    """What the example of a page leaves behind, a picture among it."""
+    matplotlib.use("agg")
+    (tmp_path / "build").mkdir()
+    monkeypatch.setenv("TBDCORE_REPOSITORY", str(paths.root()))
+    monkeypatch.chdir(tmp_path)
     names = {}
     exec(BLOCKS[request.param], names)
+    names["plt"].close("all")
+    (picture,) = (tmp_path / "build").glob("*.png")
+    assert picture.stat().st_size > 5000
     return names
 
 
@@ -58,6 +66,7 @@ def test_the_track_of_plots_is_kept(example):
 
 @pytest.mark.parametrize("example", ["ljipda_ai"], indirect=True)
 def test_both_boats_keep_their_tracks(example):
-    result, truth = example["result"], example["truth"]
+    page, truth = example["page"], example["truth"]
+    result = page.run(example["scans"], example["known"], method="LJIPDA")
     assert np.hypot(*(result.x[-1][:, ::2] - truth[-1]).T).max() < 60
     assert result.existence[-1].min() > 0.99
