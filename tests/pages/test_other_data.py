@@ -1,0 +1,237 @@
+"""Data that are not the papers': the tables at the end of docs/own_data.md."""
+
+import numpy as np
+import pytest
+
+import tbdcore
+from tbdcore import motion
+
+SEEDS = range(4)
+LOUD = 1.4  # times the noise that the page is told
+
+
+# 01: blocks of eight frames
+
+
+@pytest.fixture(scope="module")
+def dp():
+    page, rng = tbdcore.page("dp_tbd"), np.random.default_rng(0)
+    p = page.Params(K=8, grid=(40, 64), M=2, mean=0.0, sigma2=1.0)
+    threshold = page.threshold(page.noise_maxima(p, 200, rng), 0.05)
+    return lambda z: page.detect(z, p, threshold)
+
+
+def block(seed, *targets, noise=1.0, missing=None):
+    """Eight frames; a target is (i, j, speed, amplitude).  Returns them and the targets' paths."""
+    k, z = np.arange(8), noise * np.random.default_rng(seed).standard_normal((8, 40, 64))
+    known = []
+    for i, j, speed, amplitude in targets:
+        path = np.array([i + speed * k, j + k]).T
+        inside = path[:, 0] < 40
+        z[k[inside], *path[inside].T] += amplitude
+        known.append(path)
+    if missing is not None:
+        z[missing] = 0.0
+    return z, known
+
+
+def misses(track, path):
+    """The distance of a track from a path in cells, frame by frame."""
+    return np.abs(track.cells - path).max(axis=1)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_01_finds_a_target_along_the_border(dp, seed):
+    z, (path,) = block(seed, (0, 20, 0, 4.0))
+    assert all(misses(track, path).max() <= 3 for track in dp(z))
+
+
+def test_01_mostly_stays_at_the_border_where_a_target_leaves(dp):
+    runs = [block(seed, (30, 20, 2, 4.0)) for seed in SEEDS]
+    paths = [(dp(z).conventional, path) for z, (path,) in runs]
+    assert np.median([misses(track, path)[:5] for track, path in paths]) <= 1
+    assert np.median([track.cells[-1, 0] for track, _ in paths]) >= 35
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_01_follows_the_stronger_of_two(dp, seed):
+    z, (strong, _) = block(seed, (5, 10, 1, 5.0), (30, 40, 0, 4.0))
+    assert all(misses(track, strong).max() <= 2 for track in dp(z))
+
+
+def test_01_declares_nothing_in_noise_but_what_was_allowed(dp):
+    declared = [track is not None for seed in range(40) for track in dp(block(seed)[0])]
+    assert sum(declared) <= 14, "six expected of 120 at 5 %, three of each block alike"
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_01_declares_noise_that_is_louder_than_told(dp, seed):
+    assert all(track is not None for track in dp(block(seed, noise=LOUD)[0]))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_01_bridges_a_missing_frame(dp, seed):
+    z, (path,) = block(seed, (5, 20, 1, 4.0), missing=4)
+    assert all(misses(track, path).max() <= 3 for track in dp(z))
+
+
+# 02: forty frames, a target from the eleventh on
+
+
+def blobs(page, seed, case):
+    rng, t = np.random.default_rng(seed), np.arange(40)
+    z = 2.3 * (LOUD if case == "loud" else 1.0) * rng.standard_normal((40, 40, 30))
+    paths = {"border": (1 + 0 * t, 5 + 0.4 * t), "leaves": (23 + 0.8 * t, 8 + 0.3 * t)}
+    x, y = paths.get(case, (8 + 0.5 * t, 8 + 0.3 * t))
+    X, Y = np.meshgrid(np.arange(1, 41), np.arange(1, 31), indexing="ij")
+
+    def put(k, x, y):
+        z[k] += 18 / (2 * np.pi * 0.36) * np.exp(-((X - x) ** 2 + (Y - y) ** 2) / 0.72)
+
+    for k in range(10, 40) if case not in ("none", "loud") else ():
+        put(k, x[k], y[k])
+        if case == "two":
+            put(k, 35 - 0.2 * k, 25.0)
+    if case == "gap":
+        z[25] = 0.0
+    scene = page.Scene(nx=40, ny=30, blur=0.6, noise=2.3, amplitude=18.0)
+    result = page.run(z, page.Params(M=3200, M_new=3200, scene=scene), rng)
+    return result, np.hypot(result.s[:, 0] - x, result.s[:, 2] - y)
+
+
+@pytest.mark.parametrize("case", ["border", "leaves", "two", "none", "loud", "gap"])
+def test_02(case):
+    page = tbdcore.page("mm_pf_tbd")
+    runs = [blobs(page, seed, case) for seed in SEEDS]
+    share = np.mean([result.declared[10:].mean() for result, _ in runs])
+    ends = np.array([distance[-1] for _, distance in runs])
+    if case == "border":
+        assert share > 0.4
+        assert np.median(ends) < 1.5
+    elif case == "leaves":
+        assert not any(result.declared[30:].any() for result, _ in runs)
+    elif case == "two":
+        other = np.hypot(35 - 0.2 * 39 - 27.5, 25 - 19.7)
+        assert share > 0.7
+        assert ((ends < 2) | (np.abs(ends - other) < 2)).all()
+    elif case == "none":
+        assert share < 0.05
+    elif case == "loud":
+        assert share > 0.5
+    else:
+        assert not any(result.declared[25] for result, _ in runs)
+
+
+# 03: forty frames of power, an echo from the eleventh on
+
+
+def echo(page, seed, case):
+    rng = np.random.default_rng(seed)
+    z = (LOUD if case == "loud" else 1.0) * rng.standard_exponential((40, 64, 48))
+    i, j = (0, 0) if case == "border" else (31, 22)
+    if case not in ("none", "loud"):
+        z[10 : 25 if case == "leaves" else 40, i : i + 3, j : j + 4] *= 6.0
+    if case == "two":
+        z[10:, 5:8, 5:9] *= 6.0
+    if case == "gap":
+        z[25] = 1.0
+    shape = {"nr": 64, "na": 48, "dr": 5.0, "da": 0.01, "r_min": 2000.0}
+    track = page.run(z, page.scenario(**shape, sd_r=1.0, sd_a=1.5, noise=1.0), rng)
+
+    def distance(i, j):
+        r, a = 2000 + 5.0 * (i + 1.5), 0.01 * (j + 2)
+        return np.hypot(track.x[20:, 0] - r * np.cos(a), track.x[20:, 2] - r * np.sin(a))
+
+    return track.existence, np.median(distance(i, j)), np.median(distance(5, 5))
+
+
+@pytest.mark.parametrize("case", ["border", "leaves", "two", "none", "loud", "gap"])
+def test_03(case):
+    page = tbdcore.page("mda_tbd")
+    existence, near, other = zip(*(echo(page, seed, case) for seed in range(3)), strict=True)
+    existence = np.array(existence)
+    if case in ("border", "two"):
+        assert existence[:, 20:].min() > 0.5
+        assert (np.minimum(near, other) < 30).all()
+    elif case == "leaves":
+        assert existence[:, 15:25].min() > 0.5
+        assert existence[:, 30:].max() < 0.5
+    elif case == "none":
+        assert existence.max() < 0.5
+    elif case == "loud":
+        assert (existence[:, 15:] > 0.5).mean() > 0.9
+    else:
+        assert existence[:, 25].max() < 0.95
+        assert existence[:, 26].min() > 0.95
+
+
+# 04: one track through twenty scans
+
+
+def scans_of_one(seed):
+    r, a = 20e3 - 400.0 * np.arange(20), 0.5 + 0.002 * np.arange(20)
+    power = 30.0 * np.random.default_rng(seed).standard_exponential(20) + 5.0
+    return [np.array([[*plot, s]]) for plot, s in zip(np.c_[r, a], power, strict=True)]
+
+
+@pytest.mark.parametrize("case", ["gap", "gone", "two"])
+def test_04(case):
+    page, scans = tbdcore.page("track_cfar"), scans_of_one(1)
+    p = page.Scenario(scan=4.0, bandwidth=5.0, beamwidth=1.5, sigma_p=1.0)
+    alone = page.run(scans, p, accuracy=(10.0, 0.002))
+    if case == "gap":
+        scans[8] = np.empty((0, 3))
+    elif case == "gone":
+        scans[8:] = [np.empty((0, 3))] * 12
+    else:
+        scans[2:] = [np.r_[scan, [[9e3, 0.1, 60.0]]] for scan in scans[2:]]
+    tracks = page.run(scans, p, accuracy=(10.0, 0.002))
+    counted = [track.misses for track in tracks]
+    if case == "gap":
+        assert counted == [0] * 6 + [1] + [0] * 11
+    elif case == "gone":
+        assert counted == [0] * 6 + list(range(1, p.miss_limit + 1))
+    else:
+        assert all(np.array_equal(a.x, b.x) for a, b in zip(alone, tracks, strict=True))
+
+
+# 05: two boats, sixty scans
+
+
+def boats(case, seed):
+    page, rng = tbdcore.page("ljipda_ai"), np.random.default_rng(seed)
+    x = np.array([[5000.0, 10, 0, 5], [5000.0, 10, 300, -5]])
+    truth = [x[:, ::2] + k * x[:, 1::2] for k in range(60)]
+    scans = [t + 20.0 * rng.standard_normal((2, 2)) for t in truth]
+    if case == "gap":
+        scans[30] = np.empty((0, 2))
+    elif case == "gone":
+        scans = [scan[:1] if k >= 45 else scan for k, scan in enumerate(scans)]
+    elif case != "plain":
+        area = [4800, -300], [6000, 600]
+        scans = [np.r_[scan, rng.uniform(*area, size=(40, 2))] for scan in scans]
+    clutter = (
+        "estimate" if case == "estimate" else 1e-7
+    )  # plots per m^2; there are 4e-5 in two cases
+    F, Q = motion.cv(1.0), motion.white_acceleration(1.0, 0.01)
+    start = x, np.diag([400.0, 1, 400, 1]), F, Q, 20.0, 0.2
+    known = page.Setup(*start, p_detect=0.95, clutter=clutter)
+    result = page.run(scans, known, method="LJIPDA")
+    return result, np.hypot(*(result.x[-1][:, ::2] - truth[-1]).T)
+
+
+@pytest.mark.parametrize("case", ["gap", "gone", "little", "estimate"])
+def test_05(case):
+    for seed in range(3):
+        result, distance = boats(case, seed)
+        if case == "gap":
+            assert (result.existence[30] > 0.6).all()
+            assert (result.existence[30] < 0.9).all()
+            assert result.existence[-1].min() > 0.95
+        elif case == "gone":
+            untouched, _ = boats("plain", seed)
+            assert result.existence[-1][1] < 0.01
+            assert np.allclose(result.x[-1][0], untouched.x[-1][0], atol=10)
+        else:
+            assert distance.max() < 60
+            assert result.existence[-1].min() > 0.85
