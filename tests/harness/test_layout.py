@@ -192,10 +192,19 @@ def test_the_lock_holds_every_dependency():
     assert names <= {name.lower().replace("_", "-") for name in locked}
 
 
-def test_readme_names_every_module():
-    text = paths.README.read_text(encoding="utf-8")
+def test_the_layout_names_every_module():
+    text = (paths.ROOT / "docs" / "running.md").read_text(encoding="utf-8")
     for module in {*CORE, *HARNESS} - {"__init__", "paths"}:
         assert re.search(rf"\b{module}\b", text), module
+
+
+def test_the_sample_in_the_readme_is_that_of_the_chapter():
+    """Its rows are those of the first screen of 01, as committed."""
+    chapter = paths.NOTEBOOKS.joinpath("01_dp_tbd.ipynb").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (?!-|paper)(.+ \|)$", paths.README.read_text("utf-8"), re.MULTILINE)
+    sample = [row for row in rows if "notebooks/" not in row and "published" not in row]
+    assert len(sample) == 2
+    assert all(row in chapter for row in sample)
 
 
 def test_every_link_of_the_readme_leads_somewhere():
