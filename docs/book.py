@@ -1,8 +1,8 @@
 """Build the book: ``build/book/index.html``, from the committed notebooks, figures and pages.
 
-A copy of the texts gets anchors and links (claims, sections, figures) and the pages Claims, Gallery
-and Core; Sphinx makes HTML of it and executes nothing.  The finished book takes the place of the
-old one, which stays when anything fails: one line, exit code 1.
+A copy of the texts gets anchors, links (claims, sections, figures) and the pages that are made of
+the verdicts and products; Sphinx makes HTML of it and executes nothing.  The finished book takes
+the place of the old one, which stays when anything fails: one line, exit code 1.
 """
 
 import ast
@@ -15,88 +15,30 @@ import sys
 import tempfile
 from pathlib import Path
 
+import pandas as pd
 from itables import javascript, options
 from PIL import Image
 
-from tbdcore.repro import cite, claims, pages, paths, scorecard
+from tbdcore.repro import cite, claims, pages, paths, products, scorecard
 
-HERE = Path(__file__).resolve().parent
 FOLDERS = ("benchmarks", "data", "docs", "figures", "notebooks", "tests")
 FILES = ("README.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff")
 TITLES = {"data": "Data", "tests": "Tests", "benchmarks": "Benchmarks"}  # of pages without one
 NUMBER = r"[1-7A-G](?:\.\d+)?"
-HEADING = re.compile(rf"^##+ (?:Appendix )?({NUMBER})[. ]", re.MULTILINE)
-# what stays as it is: code, headings; what may become a link: chapter's section, claim, section
-LINKED = re.compile(
+HEADING = re.compile(rf"^##+ (?:Appendix )?({NUMBER})[. ].*", re.MULTILINE)
+# code and headings stay; a link to a chapter's section, a claim, a section become links of the book
+LINKS = re.compile(
     rf"```.*?```|^\#.*?$|\[([^\]]*)\]\((\d\d_\w+)\.ipynb\#(?:Appendix-)?({NUMBER})[^)]*\)"
     rf"|\[[^\]]*\]\([^)]*\)|`([\w.]+)`|\b(?:Section|Appendix) ({NUMBER})\b",
     re.DOTALL | re.MULTILINE,
 )
-COLUMNS = (
-    *("paper", "claim", "kind", "published", "measured"),
-    *("verdict", "evidence", "chapter", "figure"),
-)
-PANES = {
-    "layout": {
-        "top1": {"searchPanes": {"columns": [0, 2, 5, 6], "layout": "columns-4", "controls": False}}
-    },
-    "paging": False,
-    "ordering": False,
-    "autoWidth": False,
-    "columnDefs": [{"searchPanes": {"show": True}, "targets": [0, 2, 5, 6]}],
+FILTERED = [0, 2, 5, 6]  # columns of the table of claims that have a list of their values
+PANES = {"columns": FILTERED, "layout": "columns-4", "controls": False}
+TABLE = {
+    "layout": {"top1": {"searchPanes": PANES}},
+    "columnDefs": [{"searchPanes": {"show": True}, "targets": FILTERED}],
+    **dict.fromkeys(("paging", "ordering", "autoWidth"), False),
 }
-
-
-class Chapter:
-    """A notebook whose claims, sections and figures can be found."""
-
-    def __init__(self, paper):
-        self.paper, self.file = paper, pages.path(paper)
-        self.cells = json.loads(self.file.read_text(encoding="utf-8"))["cells"]
-        tags = [cell["metadata"].get("tags", []) for cell in self.cells]
-        first = next((i for i, own in enumerate(tags) if "parameters" in own), 0)
-        code = [i for i, cell in enumerate(self.cells) if cell["cell_type"] == "code" and i > first]
-        self.names = [(i, *name) for i in code for name in _names("".join(self.cells[i]["source"]))]
-        self.claims = claims.read(paper) if paper in claims.papers() else {}
-        self.sections, self.section = set(), {}
-        for i, cell in enumerate(self.cells):
-            found = HEADING.findall("".join(cell["source"])) if cell["cell_type"] != "code" else []
-            self.sections.update(found)
-            self.section[i] = found[-1] if found else self.section.get(i - 1, "")
-
-    def place(self, name):
-        """Index of the cell that names a claim or product most literally, or None."""
-        found = [(-size, i) for i, size, pattern in self.names if pattern.fullmatch(name)]
-        return min(found)[1] if found else None
-
-    def place_of(self, claim, figures):
-        """The cell that judges a claim, else the one that draws its figure, else Appendix E."""
-        places = [self.place(claim), *(self.place(id.partition("/")[2]) for id in figures)]
-        ledger = [i for i, section in self.section.items() if section.startswith("E")]
-        return next((place for place in places if place is not None), ledger[0])
-
-    def link(self, place):
-        return f"notebooks/{self.file.stem}.html#{anchor(place)}"
-
-
-def anchor(place):
-    return f"cell-{place}"
-
-
-def _names(source):
-    """The strings of a cell as patterns, a placeholder for anything, and their literal sizes."""
-    for node in ast.walk(ast.parse(source)):
-        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
-        texts = [part.value if isinstance(part, ast.Constant) else None for part in parts]
-        literal = "".join(text for text in texts if isinstance(text, str))
-        if "." in literal or len(literal) > 4:
-            yield (
-                len(literal),
-                re.compile("".join(".+" if t is None else re.escape(str(t)) for t in texts)),
-            )
-
-
-# What must be there --------------------------------------------------------------------------
 
 
 def complaint():
@@ -106,178 +48,223 @@ def complaint():
         if any(cell["cell_type"] == "code" and not cell["execution_count"] for cell in cells):
             name = pages.path(paper).name
             return f"{name} is not executed; run: tbdcore run {paper} --in-place"
-    for id in cite.ids():
-        folder, about = paths.PRODUCTS / id.partition("/")[0], cite.product(id)
+    for about in map(cite.product, cite.ids()):
         for name in about["files"]:
-            if not (folder / name).is_file():
-                return f"{folder.name}/{name} is missing; run: {about['remake']}"
+            if not (paths.PRODUCTS / about["paper"] / name).is_file():
+                return f"figures/{about['paper']}/{name} is missing; run: {about['remake']}"
     made = scorecard.files(paths.PRODUCTS, readme=True)
     stale = [path.name for path in made if not path.is_file() or path.read_bytes() != made[path]]
     return f"{', '.join(stale)}: not what the verdicts say; run: tbdcore score" if stale else ""
 
 
-# Links ---------------------------------------------------------------------------------------
+# Chapters: where claims and products are -------------------------------------------------------
 
 
-def linked(text, chapters, paper, up="../"):
-    """Markdown whose claims, sections and links into chapters are links of the book.
+class Chapter:
+    """A notebook, its sections, and the cells that name a claim or a product."""
 
-    A section or claim is that of the chapter that its line links to before it, else of `paper`.
+    def __init__(self, paper):
+        self.paper, self.file = paper, pages.path(paper)
+        self.notebook = json.loads(self.file.read_text(encoding="utf-8"))
+        self.claims = claims.read(paper) if paper in claims.papers() else {}
+        self.section, self.patterns, number = (
+            [],
+            [],
+            "",
+        )  # section of each cell; size, cell, pattern
+        for i, cell in enumerate(self.notebook["cells"]):
+            source = "".join(cell["source"])
+            if cell["cell_type"] == "markdown":
+                number = ([number] + HEADING.findall(source))[-1]
+            elif number:  # not on the first screen
+                self.patterns += [(-size, i, pattern) for size, pattern in strings(source)]
+            self.section.append(number)
+
+    def find(self, *names):
+        """The cell that names the first of some claims or products most literally; else the end."""
+        for name in names:
+            if found := [(size, i) for size, i, it in self.patterns if it.fullmatch(name)]:
+                return min(found)[1]
+        return len(self.section) - 1
+
+    def link(self, *names):
+        return f"notebooks/{self.file.stem}.html#cell-{self.find(*names)}"
+
+
+def strings(source):
+    """Literal size and pattern of each string of a cell; a placeholder stands for anything."""
+    for node in ast.walk(ast.parse(source)):
+        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+        texts = [getattr(part, "value", None) for part in parts]
+        texts = [text if isinstance(text, str) else None for text in texts]
+        if (size := sum(len(text) for text in texts if text)) > 3:
+            yield size, re.compile("".join(".+" if t is None else re.escape(t) for t in texts))
+
+
+def linked(text, chapters, paper):
+    """Markdown whose claims, sections and links to sections are links of the book.
+
+    A claim or section is that of the chapter that its line names before it, else of `paper`.
     """
 
     def link(found):
-        whole, (said, stem, number, claim, section) = found[0], found.groups()
-        line = found.string[found.string.rfind("\n", 0, found.start()) + 1 : found.start()]
-        named = re.findall(r"\d\d_(\w+)\.ipynb", line)
-        own = chapters.get(named[-1] if named else paper)
-        if stem and number:
-            return f'<a href="{up}notebooks/{stem}.html#section-{number}">{said}</a>'
-        if section and own and section in own.sections:
-            return f'<a href="{up}notebooks/{own.file.stem}.html#section-{section}">{whole}</a>'
-        if claim and own and claim in own.claims:
-            return f'<a href="{up}claims.html#{own.paper}.{claim}">{whole}</a>'
-        return whole
+        said, stem, number, claim, section = found.groups()
+        line = text[text.rfind("\n", 0, found.start()) + 1 : found.start()]
+        own = chapters.get([paper, *re.findall(r"\d\d_(\w+)\.ipynb", line)][-1], chapters[paper])
+        if stem:
+            return f'<a href="../notebooks/{stem}.html#section-{number}">{said}</a>'
+        if section and section in own.section:
+            return f'<a href="../notebooks/{own.file.stem}.html#section-{section}">{found[0]}</a>'
+        if claim in own.claims:
+            return f'<a href="../claims.html#{own.paper}.{claim}">{found[0]}</a>'
+        return found[0]
 
-    return LINKED.sub(link, text)
+    return LINKS.sub(link, text)
 
 
-def chapter_text(chapter, chapters, wanted):
-    """The notebook with anchors before its sections and before the wanted cells, and with links."""
-    cells = []
-    for i, cell in enumerate(chapter.cells):
-        if i in wanted:
-            mark = {"cell_type": "markdown", "id": anchor(i), "metadata": {}}
-            cells.append(mark | {"source": f'<span id="{anchor(i)}"></span>'})
+def notebook_page(chapter, chapters):
+    """The notebook with links, and with anchors before its sections and the cells of claims."""
+    names = [*chapter.claims, *(id.partition("/")[2] for id in cite.ids(chapter.paper))]
+    wanted, cells = set(map(chapter.find, names)), []
+    for i, cell in enumerate(chapter.notebook["cells"]):
+        mark = {"cell_type": "markdown", "id": f"cell-{i}", "metadata": {}}
+        cells += [mark | {"source": f'<span id="cell-{i}"></span>'}] if i in wanted else []
+        for data in (output.get("data", {}) for output in cell.get("outputs", [])):
+            if text := "".join(data.get("text/markdown", "")):
+                data["text/markdown"] = linked(text, chapters, chapter.paper)
         if cell["cell_type"] == "markdown":
             text = linked("".join(cell["source"]), chapters, chapter.paper)
             cell["source"] = HEADING.sub(r'<span id="section-\1"></span>\n\n\g<0>', text)
-        for data in (output.get("data", {}) for output in cell.get("outputs", [])):
-            if "text/markdown" in data:
-                data["text/markdown"] = linked(
-                    "".join(data["text/markdown"]), chapters, chapter.paper
-                )
         cells.append(cell)
-    notebook = json.loads(chapter.file.read_text(encoding="utf-8"))
-    return json.dumps(notebook | {"cells": cells})
+    return json.dumps(chapter.notebook | {"cells": cells})
 
 
-# Pages ---------------------------------------------------------------------------------------
+# Pages made of verdicts and products -----------------------------------------------------------
 
 
 def claims_page(chapters):
     """The table of all claims, and the script that filters it."""
     shown = {}
-    for id in cite.ids():
-        for claim in cite.product(id)["claims"]:
-            shown.setdefault((id.partition("/")[0], claim), []).append(id)
-    head = "".join(f'<th scope="col">{name}</th>' for name in COLUMNS)
-    rows = "".join(
-        claim_row(chapters[row.paper], row, shown.get((row.paper, row.id), []))
-        for row in claims.ledger(paths.PRODUCTS).itertuples()
-    )
+    for about in map(cite.product, cite.ids()):
+        for claim in about["claims"]:
+            shown.setdefault((about["paper"], claim), []).append(about["id"])
+    ledger = claims.ledger(paths.PRODUCTS).itertuples()
+    rows = [
+        claim_row(chapters[row.paper], row, shown.get((row.paper, row.id), [])) for row in ledger
+    ]
+    table = pd.DataFrame(rows).to_html(index=False, escape=False, border=0, classes="claims")
     script = javascript.generate_init_offline_itables_html(options.dt_bundle).partition("<div")[0]
-    ready = javascript._itables_underscore_version()
-    start = f'new ITable(document.querySelector("table.claims"), {json.dumps(PANES)});'
-    return (
-        f'<table class="claims"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>\n\n'
-        f'{script}\n\n<script type="module">'
-        f"const {{ITable}} = await window.{ready}; {start}</script>"
-    )
+    start = f"""<script type="module">
+const {{ITable}} = await window.{javascript._itables_underscore_version()};
+new ITable(document.querySelector("table.claims"), {json.dumps(TABLE)});
+document.getElementById(decodeURI(location.hash.slice(1)))?.scrollIntoView();
+</script>"""
+    return f"<div>{table}</div>\n\n{script}\n\n{start}"
 
 
 def claim_row(chapter, row, figures):
-    claim = chapter.claims[row.id]
-    texts = {name: html.escape(text) for name, text in row._asdict().items() if name != "Index"}
-    evidence, _, original = row.evidence.partition(" ")
-    more = {"conditions": claim.conditions, "where": claim.where, "rule": claim.rule}
-    more |= {"repeats": original, "cause": row.cause}
-    more = "".join(f"<br><b>{k}</b> {html.escape(v)}" for k, v in more.items() if v)
-    place = chapter.place_of(row.id, figures)
-    links = [f'<a href="figures/README.html#{id}">{id.partition("/")[2]}</a>' for id in figures]
-    error = f" ± {row.se}" if row.se else ""
-    cells = [
-        chapter.paper,
-        f"<code>{texts['id']}</code> {texts['quantity']}<details><summary>rule</summary>"
-        f"{more[4:]}</details>",
-        claim.kind,
-        texts["published"],
-        texts["measured"] + error,
-        row.verdict,
-        evidence or "none",
-        f'<a href="{chapter.link(place)}">{chapter.section[place] or "start"}</a>',
-        "<br>".join(links),
-    ]
-    cells = "".join(f"<td>{cell}</td>" for cell in cells)
-    return f'<tr id="{chapter.paper}.{texts["id"]}">{cells}</tr>'
+    """One row of the table of claims."""
+    about, word = chapter.claims[row.id], row.evidence.partition(" ")
+    more = {name: getattr(about, name) for name in ("conditions", "where", "rule")}
+    more |= {"repeats": word[2], "cause": row.cause}
+    more = "<br>".join(f"<b>{name}</b> {html.escape(text)}" for name, text in more.items() if text)
+    names = [row.id, *(id.partition("/")[2] for id in figures)]
+    links = {chapter.link(*names): f"section {chapter.section[chapter.find(*names)]}"}
+    links |= {f"figures/README.html#{id}": id.partition("/")[2] for id in figures}
+    return {
+        "paper": row.paper,
+        "claim": f'<code id="{row.paper}.{row.id}">{row.id}</code> {html.escape(row.quantity)}'
+        f"<details><summary>rule</summary>{more}</details>",
+        "kind": about.kind,
+        "published": html.escape(row.published),
+        "measured": html.escape(row.measured + (f" ± {row.se}" if row.se else "")),
+        "verdict": row.verdict,
+        "evidence": word[0] or "none",
+        "see": "<br>".join(f'<a href="{to}">{said}</a>' for to, said in links.items()),
+    }
+
+
+def index_page():
+    """The counts of the scorecard."""
+    counts, known, rows = claims.scorecard(paths.PRODUCTS).set_index("paper"), cite.papers(), []
+    for paper in [*known, "all"]:
+        row = {
+            verdict: counts.loc[paper, f"measured: {verdict}"] for verdict in claims.VERDICTS[:3]
+        }
+        title = (
+            f"[{known[paper]['topic']}](notebooks/{pages.path(paper).name})"
+            if paper != "all"
+            else paper
+        )
+        rows.append({"paper": title, "measured claims": sum(row.values())} | row)
+    return products.markdown(pd.DataFrame(rows))
 
 
 def gallery_page(folder):
-    """Thumbnails of all figures with caption and id."""
+    """Thumbnails of all figures with caption and id, paper by paper."""
     lines = []
-    for id in (id for id in cite.ids() if "png" in cite.files(id)):
-        small = folder / "thumbs" / f"{id}.png"
-        small.parent.mkdir(parents=True, exist_ok=True)
-        with Image.open(cite.files(id)["png"]) as picture:
-            picture.thumbnail((480, 480))
-            picture.save(small)
-        caption = cite.product(id)["caption"]
-        alt = html.escape(caption)
-        lines += [f":::{{figure}} thumbs/{id}.png", f":target: figures/README.html#{id}"]
-        lines += [f":alt: {alt}", "", f"`{id}` {caption}", ":::", ""]
-    return "\n".join(["::::{container} thumbs", "", *lines, "::::"])
+    for paper in pages.everything():
+        lines += [f"## {cite.papers().get(paper, {}).get('topic', 'All papers')}", ""]
+        lines += ["::::{container} thumbs", ""]
+        for id in (id for id in cite.ids(paper) if "png" in cite.files(id)):
+            small, caption = folder / "thumbs" / f"{id}.png", cite.product(id)["caption"]
+            small.parent.mkdir(parents=True, exist_ok=True)
+            with Image.open(cite.files(id)["png"]) as picture:
+                picture.thumbnail((480, 480))
+                picture.save(small)
+            lines += [f":::{{figure}} thumbs/{id}.png", f":target: figures/README.html#{id}"]
+            lines += [f":alt: {html.escape(caption)}", "", f"`{id}` {caption}", ":::", ""]
+        lines += ["::::", ""]
+    return "\n".join(lines)
 
 
 def figures_page(text, chapters):
     """figures/README.md with an anchor and a link into the chapter for each product."""
-    parts = re.split(r"^(?=### )", text, flags=re.MULTILINE)
-    for number, part in enumerate(parts[1:], start=1):
-        id = part.split("\n")[0].removeprefix("### ")
+    text = re.sub(r"\[md\]\(([^)]*)\)", r"{download}`md <\1>`", text)  # a file, not a page
+    first, *parts = re.split(r"^(?=### )", text, flags=re.MULTILINE)
+    for part in parts:
+        id = part.split()[1]
         paper, _, name = id.partition("/")
-        place = chapters[paper].place(name) if paper in chapters else None
-        at = f'\n\n<a href="../{chapters[paper].link(place)}">In the chapter</a>' if place else ""
-        part = re.sub(r"\[md\]\(([^)]*)\)", r"{download}`md <\1>`", part)  # a file, not a page
         title, _, rest = linked(part, chapters, paper).partition("\n")
-        parts[number] = f'<span id="{id}"></span>\n\n{title}{at}\n{rest}'
-    return "".join(parts)
+        link = f'<a href="../{chapters[paper].link(name)}">In the chapter</a>'
+        first += f'<span id="{id}"></span>\n\n{title}\n\n{link}\n{rest}'
+    return first
 
 
 def core_page():
-    names = sorted(file.stem for file in paths.PACKAGE.glob("[!_]*.py"))
+    """The interface of each module of the core."""
     directive = "## {0}\n\n```{{eval-rst}}\n.. automodule:: tbdcore.{0}\n```\n"
-    return "\n".join(directive.format(name) for name in names)
+    return "\n".join(directive.format(file.stem) for file in sorted(paths.PACKAGE.glob("[!_]*.py")))
 
 
-# The book ------------------------------------------------------------------------------------
+# The book --------------------------------------------------------------------------------------
 
 
 def stage(folder):
-    """The texts of the book in a folder, as the repository has them, with anchors and links."""
+    """The texts of the book in a folder, where the repository has them, with anchors and links."""
     for name in FOLDERS:
         unwanted = shutil.ignore_patterns("*.py", "__pycache__", ".*")
         shutil.copytree(paths.ROOT / name, folder / name, ignore=unwanted)
     for name in FILES:
         shutil.copy(paths.ROOT / name, folder / name)
-    for name, title in TITLES.items():
-        page = folder / name / "README.md"
-        page.write_text(f"# {title}\n\n{page.read_text(encoding='utf-8')}", encoding="utf-8")
     chapters = {paper: Chapter(paper) for paper in pages.everything()}
+    texts = {f"{name}/README.md": f"# {title}\n\n{{}}" for name, title in TITLES.items()}
+    texts = {name: text.format((folder / name).read_text("utf-8")) for name, text in texts.items()}
+    gallery = (folder / "figures/README.md").read_text("utf-8")
+    texts["figures/README.md"] = figures_page(gallery, chapters)
     for chapter in chapters.values():
-        wanted = {chapter.place(id) for id in chapter.claims}
-        wanted |= {chapter.place(id.partition("/")[2]) for id in cite.ids(chapter.paper)}
-        text = chapter_text(chapter, chapters, wanted)
-        (folder / "notebooks" / chapter.file.name).write_text(text, encoding="utf-8")
-    gallery = folder / "figures" / "README.md"
-    gallery.write_text(figures_page(gallery.read_text(encoding="utf-8"), chapters), "utf-8")
-    made = {"claims": claims_page(chapters), "gallery": gallery_page(folder), "core": core_page()}
-    for name in ("index", *made):
-        text = (folder / "docs" / f"{name}.md").read_text(encoding="utf-8")
-        text = text.replace(f"<!-- {name} -->", made.get(name, ""))
-        (folder / f"{name}.md").write_text(text, encoding="utf-8")
-        (folder / "docs" / f"{name}.md").unlink()
+        texts[f"notebooks/{chapter.file.name}"] = notebook_page(chapter, chapters)
+    made = {"index": index_page(), "claims": claims_page(chapters)}
+    made |= {"gallery": gallery_page(folder), "core": core_page()}
+    for name, part in made.items():
+        page = (folder / "docs" / f"{name}.md").rename(folder / f"{name}.md")
+        texts[f"{name}.md"] = page.read_text("utf-8").replace("<!-- made -->", part)
+    for name, text in texts.items():
+        (folder / name).write_text(text, "utf-8")
 
 
 def build():
-    """The book in build/book, or a complaint."""
+    """Put the book into build/book; what is wrong, in a line, or nothing."""
     if wrong := complaint():
         return wrong
     paths.BUILD.mkdir(exist_ok=True)
@@ -286,13 +273,22 @@ def build():
         texts, made = Path(work, "texts"), Path(work, "html")
         texts.mkdir()
         stage(texts)
-        words = ["-q", "-W", "--keep-going", "-j", "2", "-c", HERE, "-d", Path(work, "doctrees")]
-        command = [sys.executable, "-m", "sphinx", *words, texts, made]
-        said = subprocess.run(command, capture_output=True, text=True)
-        log.write_text(said.stderr.replace(f"{texts}/", ""), encoding="utf-8")
-        if said.returncode:
-            first = next((line for line in log.read_text().splitlines() if line), "Sphinx failed")
-            return f"{first} (log: {log.relative_to(paths.ROOT)})"
+        words = [
+            "-q",
+            "-W",
+            "--keep-going",
+            "-j2",
+            "-c",
+            Path(__file__).parent,
+            "-d",
+            f"{work}/trees",
+        ]
+        sphinx = [sys.executable, "-m", "sphinx", *words, texts, made]
+        run = subprocess.run(sphinx, capture_output=True, text=True)
+        said = run.stderr.replace(f"{texts}/", "")
+        log.write_text(said, "utf-8")
+        if run.returncode:
+            return f"{(said.split() and said.strip().splitlines() or ['failed'])[0]} (log: {log})"
         shutil.rmtree(book, ignore_errors=True)
         made.rename(book)
     return ""
@@ -303,8 +299,4 @@ if __name__ == "__main__":
         wrong = build()
     except (ValueError, KeyError, OSError) as error:
         wrong = str(error)
-    print(
-        f"book: {wrong}" if wrong else "book: build/book/index.html",
-        file=sys.stderr if wrong else sys.stdout,
-    )
-    sys.exit(1 if wrong else 0)
+    sys.exit(f"book: {wrong}" if wrong else print("book: build/book/index.html"))

@@ -4,6 +4,7 @@ import importlib
 import io
 import pkgutil
 import re
+import textwrap
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -27,7 +28,12 @@ autodoc_default_options = {"members": True}
 add_module_names = False
 
 html_theme = "sphinx_book_theme"
-html_theme_options = {"use_download_button": False, "use_fullscreen_button": False}
+html_theme_options = {
+    "navbar_persistent": [],
+    "use_download_button": False,
+    "use_fullscreen_button": False,
+}
+html_context = {"default_mode": "light"}
 html_static_path = [
     "_static",
     str(Path(find_spec("sphinx-mathjax-offline").origin).parent / "static"),
@@ -47,11 +53,15 @@ def show_functions():
 
 
 def as_written(app, what, name, obj, options, lines):
-    """Show a docstring that is no reStructuredText as it is written."""
-    said, text = io.StringIO(), re.sub(r":\w+:(?=`)", "", "\n".join(lines))
-    publish_doctree(text, settings_overrides={"warning_stream": said})
-    if said.getvalue():
-        lines[:] = [".. code-block:: text", "", *(f"   {line}" for line in lines)]
+    """Show a docstring's paragraphs; as they are written where spaces count or RST fails."""
+    shown = []
+    for text in re.sub(r":\w+:(?=`)", "", "\n".join(lines)).rstrip().split("\n\n"):
+        said = io.StringIO()
+        publish_doctree(text, settings_overrides={"warning_stream": said})
+        if said.getvalue() or re.search(r"^ ", text, re.MULTILINE):
+            text = ".. code-block:: text\n\n" + textwrap.indent(text, "   ")
+        shown += [*text.split("\n"), ""]
+    lines[:] = shown
 
 
 def setup(app):
