@@ -157,6 +157,7 @@ def claims_page(chapters):
     start = f"""<script type="module">
 const {{ITable}} = await window.{javascript._itables_underscore_version()};
 new ITable(document.querySelector("table.claims"), {json.dumps(TABLE)});
+document.querySelectorAll("input.dtsp-search").forEach(pane => pane.ariaLabel = pane.placeholder);
 document.getElementById(decodeURI(location.hash.slice(1)))?.scrollIntoView();
 </script>"""
     return f"<div>{table}</div>\n\n{script}\n\n{start}"
@@ -196,7 +197,7 @@ def index_page():
             if paper != "all"
             else paper
         )
-        rows.append({"paper": title, "measured claims": sum(row.values())} | row)
+        rows.append({"paper": title, "measured": sum(row.values())} | row)
     return products.markdown(pd.DataFrame(rows))
 
 

@@ -39,7 +39,7 @@ html_static_path = [
     str(Path(find_spec("sphinx-mathjax-offline").origin).parent / "static"),
 ]
 mathjax_path = "mathjax/tex-chtml.js"
-html_css_files = ["book.css"]
+html_css_files, html_js_files = ["book.css"], ["book.js"]
 html_show_search_summary = False  # it would fetch other pages, which a browser forbids on a disk
 html_copy_source = False
 
