@@ -8,6 +8,7 @@ the place of the old one, which stays when anything fails: one line, exit code 1
 import ast
 import html
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -44,6 +45,7 @@ TABLE = {
 def complaint():
     """What keeps the book from being built, in a line, or nothing."""
     for paper in pages.everything():
+        pages.cells(paper)  # or a ValueError that names the file
         cells = json.loads(pages.path(paper).read_text(encoding="utf-8"))["cells"]
         if any(cell["cell_type"] == "code" and not cell["execution_count"] for cell in cells):
             name = pages.path(paper).name
@@ -67,25 +69,21 @@ class Chapter:
         self.paper, self.file = paper, pages.path(paper)
         self.notebook = json.loads(self.file.read_text(encoding="utf-8"))
         self.claims = claims.read(paper) if paper in claims.papers() else {}
-        self.section, self.patterns, number = (
-            [],
-            [],
-            "",
-        )  # section of each cell; size, cell, pattern
+        self.section, self.patterns, number = [], [], ""
         for i, cell in enumerate(self.notebook["cells"]):
             source = "".join(cell["source"])
             if cell["cell_type"] == "markdown":
                 number = ([number] + HEADING.findall(source))[-1]
-            elif number:  # not on the first screen
-                self.patterns += [(-size, i, pattern) for size, pattern in strings(source)]
+            else:  # what stands before the first section shows what is made later
+                self.patterns += [(not number, -size, i, it) for size, it in strings(source)]
             self.section.append(number)
 
     def find(self, *names):
-        """The cell that names the first of some claims or products most literally; else the end."""
+        """The cell that names a claim or product most literally, the first known; else E."""
         for name in names:
-            if found := [(size, i) for size, i, it in self.patterns if it.fullmatch(name)]:
-                return min(found)[1]
-        return len(self.section) - 1
+            if found := [known for *known, it in self.patterns if it.fullmatch(name)]:
+                return min(found)[-1]
+        return next((i for i, number in enumerate(self.section) if number[:1] == "E"), 0)
 
     def link(self, *names):
         return f"notebooks/{self.file.stem}.html#cell-{self.find(*names)}"
@@ -96,9 +94,10 @@ def strings(source):
     for node in ast.walk(ast.parse(source)):
         parts = node.values if isinstance(node, ast.JoinedStr) else [node]
         texts = [getattr(part, "value", None) for part in parts]
-        texts = [text if isinstance(text, str) else None for text in texts]
-        if (size := sum(len(text) for text in texts if text)) > 3:
-            yield size, re.compile("".join(".+" if t is None else re.escape(t) for t in texts))
+        known = "".join(text for text in texts if isinstance(text, str))
+        if len(known) > 2:
+            texts = [re.escape(text) if isinstance(text, str) else ".+" for text in texts]
+            yield len(known), re.compile(".*" * known.startswith(".") + "".join(texts))
 
 
 def linked(text, chapters, paper):
@@ -188,7 +187,7 @@ def claim_row(chapter, row, figures):
 def index_page():
     """The counts of the scorecard."""
     counts, known, rows = claims.scorecard(paths.PRODUCTS).set_index("paper"), cite.papers(), []
-    for paper in [*known, "all"]:
+    for paper in [*filter(known.get, counts.index), "all"]:
         row = {
             verdict: counts.loc[paper, f"measured: {verdict}"] for verdict in claims.VERDICTS[:3]
         }
@@ -296,8 +295,11 @@ def build():
 
 
 if __name__ == "__main__":
+    os.environ.pop("TBDCORE_FIGURES", None)  # the book is that of the committed products
     try:
         wrong = build()
     except (ValueError, KeyError, OSError) as error:
         wrong = str(error)
+    except KeyboardInterrupt:
+        sys.exit(130)
     sys.exit(f"book: {wrong}" if wrong else print("book: build/book/index.html"))
