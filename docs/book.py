@@ -186,18 +186,17 @@ def claim_row(chapter, row, figures):
 
 def index_page():
     """The counts of the scorecard."""
-    counts, known, rows = claims.scorecard(paths.PRODUCTS).set_index("paper"), cite.papers(), []
-    for paper in [*filter(known.get, counts.index), "all"]:
-        row = {
-            verdict: counts.loc[paper, f"measured: {verdict}"] for verdict in claims.VERDICTS[:3]
-        }
-        title = (
-            f"[{known[paper]['topic']}](notebooks/{pages.path(paper).name})"
-            if paper != "all"
-            else paper
-        )
-        rows.append({"paper": title, "measured": sum(row.values())} | row)
-    return products.markdown(pd.DataFrame(rows))
+    counts = claims.scorecard(paths.PRODUCTS).set_index("paper").filter(like="measured: ")
+    counts = counts.rename(columns=lambda name: name.partition(": ")[2])
+    counts.insert(0, "measured", counts.sum(axis=1))
+    topics = {paper: about["topic"] for paper, about in cite.papers().items()}
+    titles = {
+        paper: f"[{topics[paper]}](notebooks/{pages.path(paper).name})"
+        for paper in topics
+        if paper in counts.index
+    }
+    counts = counts.loc[[*titles, "all"]].rename(index=titles)
+    return products.markdown(counts.rename_axis("paper").reset_index())
 
 
 def gallery_page(folder):
@@ -273,22 +272,13 @@ def build():
         texts, made = Path(work, "texts"), Path(work, "html")
         texts.mkdir()
         stage(texts)
-        words = [
-            "-q",
-            "-W",
-            "--keep-going",
-            "-j2",
-            "-c",
-            Path(__file__).parent,
-            "-d",
-            f"{work}/trees",
-        ]
+        words = ["-qWj2", "--keep-going", f"-c{Path(__file__).parent}", f"-d{work}/trees"]
         sphinx = [sys.executable, "-m", "sphinx", *words, texts, made]
         run = subprocess.run(sphinx, capture_output=True, text=True)
         said = run.stderr.replace(f"{texts}/", "")
         log.write_text(said, "utf-8")
         if run.returncode:
-            return f"{(said.split() and said.strip().splitlines() or ['failed'])[0]} (log: {log})"
+            return f"{said.strip().partition(chr(10))[0]} (log: build/{log.name})"
         shutil.rmtree(book, ignore_errors=True)
         made.rename(book)
     return ""
@@ -302,4 +292,6 @@ if __name__ == "__main__":
         wrong = str(error)
     except KeyboardInterrupt:
         sys.exit(130)
-    sys.exit(f"book: {wrong}" if wrong else print("book: build/book/index.html"))
+    if wrong:
+        sys.exit(f"book: {wrong}")
+    print("book: build/book/index.html")
