@@ -232,6 +232,9 @@ WRONG = {
         r'"execution_count": 7\b',
         '"execution_count": null',
     ),
+    "05_ljipda_ai.ipynb: no notebook": lambda folder: (
+        folder / "notebooks" / "05_ljipda_ai.ipynb"
+    ).write_text("{}"),
     "not what the verdicts say": lambda folder: spoil(
         folder / "figures" / "scorecard.md", r"\| 40 \|", "| 41 |"
     ),
