@@ -22,6 +22,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect, sync_playwright
 
 BOOK = paths.BUILD / "book"
+LOCK = paths.ROOT / "docs" / "environment.txt"
 PAGES = sorted(str(file.relative_to(BOOK)) for file in BOOK.rglob("*.html"))
 PAGES = [page for page in PAGES if not page.startswith("_")]
 if not PAGES:
@@ -203,6 +204,13 @@ def test_a_link_to_a_claim_lands_on_its_row(open_page):
     page = open_page("claims.html#track_cfar.f7.exist12.mc")
     page.wait_for_selector("div.dtsp-searchPane td")
     expect(page.locator('[id="track_cfar.f7.exist12.mc"]')).to_be_in_viewport()
+
+
+def test_the_lock_pins_with_hashes_what_the_environment_lacks():
+    pins = re.compile(r"^([\w.-]+)==\S+ (?:;.*)?\\\n +--hash=sha256:", re.MULTILINE)
+    own, known = (file.read_text(encoding="utf-8") for file in (LOCK, paths.LOCK))
+    assert len(pins.findall(own)) == len(re.findall(r"^\w", own, re.MULTILINE)) > 20
+    assert not set(pins.findall(own)) & set(pins.findall(known))
 
 
 # Bad input -------------------------------------------------------------------------------------
