@@ -1,5 +1,5 @@
 # What these commands run stands in README.md and in .ci/.
-.PHONY: reproduce test verify environment
+.PHONY: reproduce test verify book environment
 
 reproduce: environment
 	@.venv/bin/tbdcore run
@@ -10,6 +10,9 @@ test:
 
 verify:
 	@sh .ci/verify
+
+book:
+	@sh .ci/book
 
 environment:
 	@sh .ci/environment

@@ -1,0 +1,8 @@
+// The theme loads the search on every page; Sphinx then does not mark the words that it found.
+window.addEventListener("load", async () => {
+  if (document.getElementById("search-results")) return;
+  await window.MathJax?.startup?.promise;
+  SphinxHighlight.highlightSearchWords();
+  const show = () => document.querySelector("article .highlighted")?.scrollIntoView({ block: "center" });
+  setTimeout(show, 100);
+});

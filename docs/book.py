@@ -1,0 +1,297 @@
+"""Build the book: ``build/book/index.html``, from the committed notebooks, figures and pages.
+
+A copy of the texts gets anchors, links (claims, sections, figures) and the pages that are made of
+the verdicts and products; Sphinx makes HTML of it and executes nothing.  The finished book takes
+the place of the old one, which stays when anything fails: one line, exit code 1.
+"""
+
+import ast
+import html
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pandas as pd
+from itables import javascript, options
+from PIL import Image
+
+from tbdcore.repro import cite, claims, pages, paths, products, scorecard
+
+FOLDERS = ("benchmarks", "data", "docs", "figures", "notebooks", "tests")
+FILES = ("README.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff")
+TITLES = {"data": "Data", "tests": "Tests", "benchmarks": "Benchmarks"}  # of pages without one
+NUMBER = r"[1-7A-G](?:\.\d+)?"
+HEADING = re.compile(rf"^##+ (?:Appendix )?({NUMBER})[. ].*", re.MULTILINE)
+# code and headings stay; a link to a chapter's section, a claim, a section become links of the book
+LINKS = re.compile(
+    rf"```.*?```|^\#.*?$|\[([^\]]*)\]\((\d\d_\w+)\.ipynb\#(?:Appendix-)?({NUMBER})[^)]*\)"
+    rf"|\[[^\]]*\]\([^)]*\)|`([\w.]+)`|\b(?:Section|Appendix) ({NUMBER})\b",
+    re.DOTALL | re.MULTILINE,
+)
+FILTERED = [0, 2, 5, 6]  # columns of the table of claims that have a list of their values
+PANES = {"columns": FILTERED, "layout": "columns-4", "controls": False}
+TABLE = {
+    "layout": {"top1": {"searchPanes": PANES}},
+    "columnDefs": [{"searchPanes": {"show": True}, "targets": FILTERED}],
+    **dict.fromkeys(("paging", "ordering", "autoWidth"), False),
+}
+
+
+def complaint():
+    """What keeps the book from being built, in a line, or nothing."""
+    for paper in pages.everything():
+        pages.cells(paper)  # or a ValueError that names the file
+        cells = json.loads(pages.path(paper).read_text(encoding="utf-8"))["cells"]
+        if any(cell["cell_type"] == "code" and not cell["execution_count"] for cell in cells):
+            name = pages.path(paper).name
+            return f"{name} is not executed; run: tbdcore run {paper} --in-place"
+    for about in map(cite.product, cite.ids()):
+        for name in about["files"]:
+            if not (paths.PRODUCTS / about["paper"] / name).is_file():
+                return f"figures/{about['paper']}/{name} is missing; run: {about['remake']}"
+    made = scorecard.files(paths.PRODUCTS, readme=True)
+    stale = [path.name for path in made if not path.is_file() or path.read_bytes() != made[path]]
+    return f"{', '.join(stale)}: not what the verdicts say; run: tbdcore score" if stale else ""
+
+
+# Chapters: where claims and products are -------------------------------------------------------
+
+
+class Chapter:
+    """A notebook, its sections, and the cells that name a claim or a product."""
+
+    def __init__(self, paper):
+        self.paper, self.file = paper, pages.path(paper)
+        self.notebook = json.loads(self.file.read_text(encoding="utf-8"))
+        self.claims = claims.read(paper) if paper in claims.papers() else {}
+        self.section, self.patterns, number = [], [], ""
+        for i, cell in enumerate(self.notebook["cells"]):
+            source = "".join(cell["source"])
+            if cell["cell_type"] == "markdown":
+                number = ([number] + HEADING.findall(source))[-1]
+            else:  # what stands before the first section shows what is made later
+                self.patterns += [(not number, -size, i, it) for size, it in strings(source)]
+            self.section.append(number)
+
+    def find(self, *names):
+        """The cell that names a claim or product most literally, the first known; else E."""
+        for name in names:
+            if found := [known for *known, it in self.patterns if it.fullmatch(name)]:
+                return min(found)[-1]
+        return next((i for i, number in enumerate(self.section) if number[:1] == "E"), 0)
+
+    def link(self, *names):
+        return f"notebooks/{self.file.stem}.html#cell-{self.find(*names)}"
+
+
+def strings(source):
+    """Literal size and pattern of each string of a cell; a placeholder stands for anything."""
+    for node in ast.walk(ast.parse(source)):
+        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+        texts = [getattr(part, "value", None) for part in parts]
+        known = "".join(text for text in texts if isinstance(text, str))
+        if len(known) > 2:
+            texts = [re.escape(text) if isinstance(text, str) else ".+" for text in texts]
+            yield len(known), re.compile(".*" * known.startswith(".") + "".join(texts))
+
+
+def linked(text, chapters, paper):
+    """Markdown whose claims, sections and links to sections are links of the book.
+
+    A claim or section is that of the chapter that its line names before it, else of `paper`.
+    """
+
+    def link(found):
+        said, stem, number, claim, section = found.groups()
+        line = text[text.rfind("\n", 0, found.start()) + 1 : found.start()]
+        own = chapters.get([paper, *re.findall(r"\d\d_(\w+)\.ipynb", line)][-1], chapters[paper])
+        if stem:
+            return f'<a href="../notebooks/{stem}.html#section-{number}">{said}</a>'
+        if section and section in own.section:
+            return f'<a href="../notebooks/{own.file.stem}.html#section-{section}">{found[0]}</a>'
+        if claim in own.claims:
+            return f'<a href="../claims.html#{own.paper}.{claim}">{found[0]}</a>'
+        return found[0]
+
+    return LINKS.sub(link, text)
+
+
+def notebook_page(chapter, chapters):
+    """The notebook with links, and with anchors before its sections and the cells of claims."""
+    names = [*chapter.claims, *(id.partition("/")[2] for id in cite.ids(chapter.paper))]
+    wanted, cells = set(map(chapter.find, names)), []
+    for i, cell in enumerate(chapter.notebook["cells"]):
+        mark = {"cell_type": "markdown", "id": f"cell-{i}", "metadata": {}}
+        cells += [mark | {"source": f'<span id="cell-{i}"></span>'}] if i in wanted else []
+        for data in (output.get("data", {}) for output in cell.get("outputs", [])):
+            if text := "".join(data.get("text/markdown", "")):
+                data["text/markdown"] = linked(text, chapters, chapter.paper)
+        if cell["cell_type"] == "markdown":
+            text = linked("".join(cell["source"]), chapters, chapter.paper)
+            cell["source"] = HEADING.sub(r'<span id="section-\1"></span>\n\n\g<0>', text)
+        cells.append(cell)
+    return json.dumps(chapter.notebook | {"cells": cells})
+
+
+# Pages made of verdicts and products -----------------------------------------------------------
+
+
+def claims_page(chapters):
+    """The table of all claims, and the script that filters it."""
+    shown = {}
+    for about in map(cite.product, cite.ids()):
+        for claim in about["claims"]:
+            shown.setdefault((about["paper"], claim), []).append(about["id"])
+    ledger = claims.ledger(paths.PRODUCTS).itertuples()
+    rows = [
+        claim_row(chapters[row.paper], row, shown.get((row.paper, row.id), [])) for row in ledger
+    ]
+    table = pd.DataFrame(rows).to_html(index=False, escape=False, border=0, classes="claims")
+    script = javascript.generate_init_offline_itables_html(options.dt_bundle).partition("<div")[0]
+    start = f"""<script type="module">
+const {{ITable}} = await window.{javascript._itables_underscore_version()};
+new ITable(document.querySelector("table.claims"), {json.dumps(TABLE)});
+document.querySelectorAll("input.dtsp-search").forEach(pane => pane.ariaLabel = pane.placeholder);
+document.getElementById(decodeURI(location.hash.slice(1)))?.scrollIntoView();
+</script>"""
+    return f"<div>{table}</div>\n\n{script}\n\n{start}"
+
+
+def claim_row(chapter, row, figures):
+    """One row of the table of claims."""
+    about, word = chapter.claims[row.id], row.evidence.partition(" ")
+    more = {name: getattr(about, name) for name in ("conditions", "where", "rule")}
+    more |= {"repeats": word[2], "cause": row.cause}
+    more = "<br>".join(f"<b>{name}</b> {html.escape(text)}" for name, text in more.items() if text)
+    names = [row.id, *(id.partition("/")[2] for id in figures)]
+    links = {chapter.link(*names): f"section {chapter.section[chapter.find(*names)]}"}
+    links |= {f"figures/README.html#{id}": id.partition("/")[2] for id in figures}
+    return {
+        "paper": row.paper,
+        "claim": f'<code id="{row.paper}.{row.id}">{row.id}</code> {html.escape(row.quantity)}'
+        f"<details><summary>rule</summary>{more}</details>",
+        "kind": about.kind,
+        "published": html.escape(row.published),
+        "measured": html.escape(row.measured + (f" ± {row.se}" if row.se else "")),
+        "verdict": row.verdict,
+        "evidence": word[0] or "none",
+        "see": "<br>".join(f'<a href="{to}">{said}</a>' for to, said in links.items()),
+    }
+
+
+def index_page():
+    """The counts of the scorecard."""
+    counts = claims.scorecard(paths.PRODUCTS).set_index("paper").filter(like="measured: ")
+    counts = counts.rename(columns=lambda name: name.partition(": ")[2])
+    counts.insert(0, "measured", counts.sum(axis=1))
+    topics = {paper: about["topic"] for paper, about in cite.papers().items()}
+    titles = {
+        paper: f"[{topics[paper]}](notebooks/{pages.path(paper).name})"
+        for paper in topics
+        if paper in counts.index
+    }
+    counts = counts.loc[[*titles, "all"]].rename(index=titles)
+    return products.markdown(counts.rename_axis("paper").reset_index())
+
+
+def gallery_page(folder):
+    """Thumbnails of all figures with caption and id, paper by paper."""
+    lines = []
+    for paper in pages.everything():
+        lines += [f"## {cite.papers().get(paper, {}).get('topic', 'All papers')}", ""]
+        lines += ["::::{container} thumbs", ""]
+        for id in (id for id in cite.ids(paper) if "png" in cite.files(id)):
+            small, caption = folder / "thumbs" / f"{id}.png", cite.product(id)["caption"]
+            small.parent.mkdir(parents=True, exist_ok=True)
+            with Image.open(cite.files(id)["png"]) as picture:
+                picture.thumbnail((480, 480))
+                picture.save(small)
+            lines += [f":::{{figure}} thumbs/{id}.png", f":target: figures/README.html#{id}"]
+            lines += [f":alt: {html.escape(caption)}", "", f"`{id}` {caption}", ":::", ""]
+        lines += ["::::", ""]
+    return "\n".join(lines)
+
+
+def figures_page(text, chapters):
+    """figures/README.md with an anchor and a link into the chapter for each product."""
+    text = re.sub(r"\[md\]\(([^)]*)\)", r"{download}`md <\1>`", text)  # a file, not a page
+    first, *parts = re.split(r"^(?=### )", text, flags=re.MULTILINE)
+    for part in parts:
+        id = part.split()[1]
+        paper, _, name = id.partition("/")
+        title, _, rest = linked(part, chapters, paper).partition("\n")
+        link = f'<a href="../{chapters[paper].link(name)}">In the chapter</a>'
+        first += f'<span id="{id}"></span>\n\n{title}\n\n{link}\n{rest}'
+    return first
+
+
+def core_page():
+    """The interface of each module of the core."""
+    directive = "## {0}\n\n```{{eval-rst}}\n.. automodule:: tbdcore.{0}\n```\n"
+    return "\n".join(directive.format(file.stem) for file in sorted(paths.PACKAGE.glob("[!_]*.py")))
+
+
+# The book --------------------------------------------------------------------------------------
+
+
+def stage(folder):
+    """The texts of the book in a folder, where the repository has them, with anchors and links."""
+    for name in FOLDERS:
+        unwanted = shutil.ignore_patterns("*.py", "__pycache__", ".*")
+        shutil.copytree(paths.ROOT / name, folder / name, ignore=unwanted)
+    for name in FILES:
+        shutil.copy(paths.ROOT / name, folder / name)
+    chapters = {paper: Chapter(paper) for paper in pages.everything()}
+    texts = {f"{name}/README.md": f"# {title}\n\n{{}}" for name, title in TITLES.items()}
+    texts = {name: text.format((folder / name).read_text("utf-8")) for name, text in texts.items()}
+    gallery = (folder / "figures/README.md").read_text("utf-8")
+    texts["figures/README.md"] = figures_page(gallery, chapters)
+    for chapter in chapters.values():
+        texts[f"notebooks/{chapter.file.name}"] = notebook_page(chapter, chapters)
+    made = {"index": index_page(), "claims": claims_page(chapters)}
+    made |= {"gallery": gallery_page(folder), "core": core_page()}
+    for name, part in made.items():
+        page = (folder / "docs" / f"{name}.md").rename(folder / f"{name}.md")
+        texts[f"{name}.md"] = page.read_text("utf-8").replace("<!-- made -->", part)
+    for name, text in texts.items():
+        (folder / name).write_text(text, "utf-8")
+
+
+def build():
+    """Put the book into build/book; what is wrong, in a line, or nothing."""
+    if wrong := complaint():
+        return wrong
+    paths.BUILD.mkdir(exist_ok=True)
+    book, log = paths.BUILD / "book", paths.BUILD / "book.log"
+    with tempfile.TemporaryDirectory(dir=paths.BUILD, prefix="book.") as work:
+        texts, made = Path(work, "texts"), Path(work, "html")
+        texts.mkdir()
+        stage(texts)
+        words = ["-qWj2", "--keep-going", f"-c{Path(__file__).parent}", f"-d{work}/trees"]
+        sphinx = [sys.executable, "-m", "sphinx", *words, texts, made]
+        run = subprocess.run(sphinx, capture_output=True, text=True)
+        said = run.stderr.replace(f"{texts}/", "")
+        log.write_text(said, "utf-8")
+        if run.returncode:
+            return f"{said.strip().partition(chr(10))[0]} (log: build/{log.name})"
+        shutil.rmtree(book, ignore_errors=True)
+        made.rename(book)
+    return ""
+
+
+if __name__ == "__main__":
+    os.environ.pop("TBDCORE_FIGURES", None)  # the book is that of the committed products
+    try:
+        wrong = build()
+    except (ValueError, KeyError, OSError) as error:
+        wrong = str(error)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    if wrong:
+        sys.exit(f"book: {wrong}")
+    print("book: build/book/index.html")

@@ -1,0 +1,69 @@
+"""Settings of Sphinx for the book, which ``book.py`` builds."""
+
+import importlib
+import io
+import pkgutil
+import re
+import textwrap
+from importlib.util import find_spec
+from pathlib import Path
+
+from docutils.core import publish_doctree
+
+import tbdcore
+
+project = "tbdcore"
+author = "the tbdcore authors"
+copyright = "the tbdcore authors, CC BY 4.0"
+html_title = "Five radar papers, number by number"
+
+extensions = ["myst_nb", "sphinx.ext.autodoc"]
+exclude_patterns = ["docs/README.md", "figures/[!R]*", "notebooks/*.md"]
+myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "dollarmath"]
+nb_execution_mode = "off"
+nb_merge_streams = True
+nb_render_markdown_format = "myst"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True}
+add_module_names = False
+
+html_theme = "sphinx_book_theme"
+html_theme_options = {
+    "navbar_persistent": [],
+    "use_download_button": False,
+    "use_fullscreen_button": False,
+}
+html_context = {"default_mode": "light"}
+html_static_path = [
+    "_static",
+    str(Path(find_spec("sphinx-mathjax-offline").origin).parent / "static"),
+]
+mathjax_path = "mathjax/tex-chtml.js"
+html_css_files, html_js_files = ["book.css"], ["book.js"]
+html_show_search_summary = False  # it would fetch other pages, which a browser forbids on a disk
+html_copy_source = False
+
+
+def show_functions():
+    """Put the function behind a kernel in the kernel's place: autodoc knows functions."""
+    for module in pkgutil.iter_modules(tbdcore.__path__, "tbdcore."):
+        if not module.ispkg:
+            names = vars(importlib.import_module(module.name))
+            names.update({k: v.py_func for k, v in names.items() if hasattr(v, "py_func")})
+
+
+def as_written(app, what, name, obj, options, lines):
+    """Show a docstring's paragraphs; as they are written where spaces count or RST fails."""
+    shown = []
+    for text in re.sub(r":\w+:(?=`)", "", "\n".join(lines)).rstrip().split("\n\n"):
+        said = io.StringIO()
+        publish_doctree(text, settings_overrides={"warning_stream": said})
+        if said.getvalue() or re.search(r"^ ", text, re.MULTILINE):
+            text = ".. code-block:: text\n\n" + textwrap.indent(text, "   ")
+        shown += [*text.split("\n"), ""]
+    lines[:] = shown
+
+
+def setup(app):
+    show_functions()
+    app.connect("autodoc-process-docstring", as_written)

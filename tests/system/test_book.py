@@ -1,0 +1,267 @@
+"""The book in a real browser, as a reader opens it: from the disk, without a network.
+
+`make book` builds it and installs what these tests need.  The browser is Chromium from the system's
+packages (Debian, Ubuntu: apt-get install chromium); without one, its tests are skipped.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from tbdcore.repro import claims, paths
+
+pytest.importorskip("playwright", reason="needs docs/environment.txt; run: make book")
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect, sync_playwright
+
+BOOK = paths.BUILD / "book"
+LOCK = paths.ROOT / "docs" / "environment.txt"
+PAGES = sorted(str(file.relative_to(BOOK)) for file in BOOK.rglob("*.html"))
+PAGES = [page for page in PAGES if not page.startswith("_")]
+if not PAGES:
+    pytest.skip("there is no book; run: make book", allow_module_level=True)
+CHAPTERS = [page for page in PAGES if page.startswith("notebooks/")]
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+WIDTHS = (390, 1280)
+SERIOUS = ("serious", "critical")
+# what a reader would see of a page that is not whole
+FAULTS = r"""async () => {
+  await window.MathJax?.startup?.promise;
+  const every = words => [...document.querySelectorAll(words)];
+  const wide = every("pre").filter(e => e.scrollWidth > e.clientWidth &&
+    Math.max(...e.textContent.split("\n").map(line => line.length)) <= 100);
+  return {
+    images: every("img").filter(e => e.complete && !e.naturalWidth).map(e => e.src),
+    unset: every(".math").filter(e => !e.querySelector("mjx-container")).map(e => e.textContent),
+    errors: every("mjx-merror, [data-mjx-error]").map(e => e.textContent),
+    scrolls: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+    wide: innerWidth < 1000 ? [] : wide.map(e => e.textContent.slice(0, 90)),
+  };
+}"""
+TOTAL = "article tbody tr:last-child"
+SOUND = {"images": [], "unset": [], "errors": [], "scrolls": 0, "wide": []}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if not found:
+        pytest.skip("no Chromium; install it (Debian, Ubuntu: apt-get install chromium)")
+    with sync_playwright() as play:
+        yield play.chromium.launch(executable_path=found, args=["--no-sandbox"])
+
+
+@pytest.fixture
+def open_page(browser):
+    """Opens a page of the book at a width; every complaint of the browser fails the test."""
+    said = []
+    context = browser.new_context()
+
+    def opened(name, width=1280):
+        page = context.new_page()
+        page.set_viewport_size({"width": width, "height": 800})
+        page.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else 0)
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("requestfailed", lambda request: said.append(f"failed: {request.url[:200]}"))
+        page.on("request", lambda request: said.append(request.url) if elsewhere(request) else 0)
+        page.goto(f"{BOOK.as_uri()}/{name}")
+        return page
+
+    yield opened
+    context.close()
+    assert not said
+
+
+def elsewhere(request):
+    return not request.url.startswith((BOOK.as_uri(), "data:", "blob:"))
+
+
+# Every page ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_whole(open_page, name):
+    assert (BOOK / name).stat().st_size <= 3e6
+    for width in WIDTHS:
+        page = open_page(name, width)
+        assert page.evaluate(FAULTS) == SOUND, width
+        page.wait_for_function("performance.getEntriesByType('paint').length")
+        paint = page.evaluate("performance.getEntriesByType('paint').map(e => e.startTime)")
+        assert min(paint) < 2000, "milliseconds to the first paint"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_accessible(open_page, name):
+    options = {"preload": False, "resultTypes": ["violations"]}
+    found = Axe().run(open_page(name), options=options).response["violations"]
+    bad = [rule for rule in found if rule["impact"] in SERIOUS or rule["id"] == "heading-order"]
+    nodes = {rule["id"]: [node["html"][:120] for node in rule["nodes"][:3]] for rule in bad}
+    assert not nodes
+
+
+class Links(HTMLParser):
+    """Identifiers of a page, and where its links and pictures lead."""
+
+    def __init__(self, file):
+        super().__init__()
+        self.ids, self.links = set(), []
+        self.feed(file.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        known = dict(attributes)
+        self.ids.add(known.get("id"))
+        self.links += [known[name] for name in ("href", "src") if known.get(name)]
+
+
+def test_every_link_leads_somewhere():
+    known = {BOOK / name: Links(BOOK / name) for name in PAGES}
+    for file, page in known.items():
+        for link in page.links:
+            to = urlsplit(link)
+            target = (file.parent / unquote(to.path)).resolve() if to.path else file
+            if to.scheme in ("", "file"):
+                assert target.exists(), f"{file.name}: {link}"
+            if to.scheme == "" and to.fragment and target in known:
+                assert unquote(to.fragment) in known[target].ids, f"{file.name}: {link}"
+
+
+# What a reader does ----------------------------------------------------------------------------
+
+
+def test_the_first_screen_says_what_it_is(open_page):
+    page = open_page("index.html")
+    for words in ("article h1", ".first img", ".first a", TOTAL):
+        box = page.locator(words).first.bounding_box()
+        assert box["y"] + box["height"] <= 800, words
+    total = page.locator(f"{TOTAL} td").all_inner_texts()
+    row = claims.scorecard(paths.PRODUCTS).iloc[-1]
+    counts = [row[f"measured: {verdict}"] for verdict in claims.VERDICTS[:3]]
+    assert total == ["all", *map(str, [sum(counts), *counts])]
+
+
+def test_search_finds_a_word_and_lands_on_it(open_page):
+    page = open_page("index.html")
+    page.keyboard.press("Control+k")
+    page.keyboard.type("Swerling")
+    page.keyboard.press("Enter")
+    page.locator("#search-results li a").first.click()
+    page.wait_for_load_state()
+    assert "/search.html" not in page.url
+    expect(page.locator("article .highlighted").first).to_be_in_viewport()
+
+
+@pytest.mark.parametrize("name", CHAPTERS)
+def test_folded_code_opens_by_keyboard(open_page, name):
+    page = open_page(name)
+    fold = page.locator("details.hide").first
+    assert not fold.locator("pre").is_visible()
+    fold.locator("summary").focus()
+    page.keyboard.press("Enter")
+    assert fold.locator("pre").is_visible()
+
+
+def test_the_filters_of_the_claims_count_as_the_scorecard(open_page):
+    page, counts = open_page("claims.html"), claims.scorecard(paths.PRODUCTS).set_index("paper")
+
+    def choose(word):
+        page.locator("div.dtsp-searchPane td", has=page.get_by_text(word, exact=True)).click()
+
+    def rows(paper, column):
+        shown = page.locator("table.claims tbody tr")
+        expect(shown).to_have_count(int(counts.loc[paper, column]))
+
+    page.wait_for_selector("div.dtsp-searchPane td")
+    rows("all", "claims")
+    choose("measured")
+    for verdict in claims.VERDICTS[:3]:
+        choose(verdict)
+        rows("all", f"measured: {verdict}")
+        choose(verdict)
+    choose("differs")
+    choose("mda_tbd")
+    rows("mda_tbd", "measured: differs")
+
+
+def test_a_claim_is_found_by_its_text_and_leads_to_its_cell(open_page):
+    page = open_page("claims.html")
+    page.locator("div.dt-search input").fill("f7.exist12.mc simulated")
+    page.locator("table.claims tbody tr a").first.click()
+    page.wait_for_load_state()
+    anchor = page.locator(f'[id="{urlsplit(page.url).fragment}"]')
+    assert "04_track_cfar" in page.url
+    code = anchor.locator("xpath=following::div[contains(@class, 'cell_input')][1]")
+    assert "f7.exist12.mc" in code.text_content()
+
+
+def test_a_link_to_a_claim_lands_on_its_row(open_page):
+    page = open_page("claims.html#track_cfar.f7.exist12.mc")
+    page.wait_for_selector("div.dtsp-searchPane td")
+    expect(page.locator('[id="track_cfar.f7.exist12.mc"]')).to_be_in_viewport()
+
+
+def test_the_lock_pins_with_hashes_what_the_environment_lacks():
+    pins = re.compile(r"^([\w.-]+)==\S+ (?:;.*)?\\\n +--hash=sha256:", re.MULTILINE)
+    own, known = (file.read_text(encoding="utf-8") for file in (LOCK, paths.LOCK))
+    assert len(pins.findall(own)) == len(re.findall(r"^\w", own, re.MULTILINE)) > 20
+    assert not set(pins.findall(own)) & set(pins.findall(known))
+
+
+# Bad input -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """A copy of the repository with an old book."""
+    for name in ("benchmarks", "data", "docs", "figures", "notebooks", "tests"):
+        shutil.copytree(paths.ROOT / name, tmp_path / name)
+    for name in ("README.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff", "pyproject.toml"):
+        shutil.copy(paths.ROOT / name, tmp_path / name)
+    (tmp_path / "build" / "book").mkdir(parents=True)
+    (tmp_path / "build" / "book" / "index.html").write_text("old")
+    return tmp_path
+
+
+def spoil(file, old, new):
+    text = file.read_text(encoding="utf-8")
+    assert re.search(old, text)
+    file.write_text(re.sub(old, new, text, count=1), encoding="utf-8")
+
+
+WRONG = {
+    "not executed": lambda folder: spoil(
+        folder / "notebooks" / "01_dp_tbd.ipynb",
+        r'"execution_count": 7\b',
+        '"execution_count": null',
+    ),
+    "05_ljipda_ai.ipynb: no notebook": lambda folder: (
+        folder / "notebooks" / "05_ljipda_ai.ipynb"
+    ).write_text("{}"),
+    "not what the verdicts say": lambda folder: spoil(
+        folder / "figures" / "scorecard.md", r"\| 40 \|", "| 41 |"
+    ),
+    "fig02.png is missing": lambda folder: (folder / "figures/dp_tbd/fig02.png").unlink(),
+    "no_such_page": lambda folder: spoil(
+        folder / "docs" / "running.md", "# Running", "# Running\n\n[nowhere](no_such_page.md)"
+    ),
+}
+
+
+@pytest.mark.parametrize("says", WRONG)
+def test_a_book_that_cannot_be_built_leaves_the_old_one(copy, says):
+    WRONG[says](copy)
+    words = {"TBDCORE_REPOSITORY": str(copy), "PYTHONPATH": str(paths.ROOT)}
+    command = [sys.executable, str(copy / "docs" / "book.py")]
+    run = subprocess.run(command, env=os.environ | words, capture_output=True, text=True)
+    assert run.returncode == 1
+    assert says in run.stderr
+    assert run.stderr.count("\n") == 1
+    assert (copy / "build" / "book" / "index.html").read_text() == "old"
+    left = {path.name for path in (copy / "build").iterdir()}
+    assert left <= {"book", "book.log"}
