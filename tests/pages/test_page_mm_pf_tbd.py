@@ -283,6 +283,16 @@ def test_weights_inside_and_outside_the_frame_are_equation_10(page, size):
     assert np.allclose(ours, hand, rtol=1e-9, atol=1e-9)
 
 
+def test_distinct_counts_living_ancestors_once(page):
+    for keep, r, alive in (
+        ([0, 0, 1, 3, 3, 3, 4], [1, 1, 0, 2, 2, 2, 1], 3),
+        ([0, 0, 1, 3], [0, 0, 0, 1], 1),
+        ([2, 5, 6], [0, 0, 0], 0),
+        ([7], [2], 1),
+    ):
+        assert page.distinct_alive(np.array(keep), np.array(r)) == alive
+
+
 def test_the_image_of_a_target_is_equation_7(page):
     s, quiet = page.Scene(), page.Scene(noise=1e-4)
     z, (x, _, y, _) = page.simulate(quiet, np.random.default_rng(0)), page.path(s)[0][29]
