@@ -176,6 +176,7 @@ def test_a_strong_target_is_found_at_once_and_held(page):
     truth = page.path(strong)[0]
     assert r.declared[7:55].all()
     assert not r.declared[57:].any()
+    assert 0.2 < r.turning[8:55].mean() < 0.8
     assert np.nanmax(np.hypot(r.s[8:55, 0] - truth[8:55, 0], r.s[8:55, 2] - truth[8:55, 2])) < 1.0
 
 
@@ -219,6 +220,16 @@ def test_the_path_is_a_walk_in_the_complex_plane(page, change):
     assert np.allclose(np.column_stack([walk.real, walk.imag]), states[:, [0, 2]], rtol=1e-12)
 
 
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_path_may_touch_the_border_and_not_cross_it(page, axis):
+    ends = {"x": (0.5, 30.5), "y": (0.5, 20.5)}[axis]
+    for place, step in zip(ends, (-0.01, 0.01), strict=True):
+        s = page.Scene(**{axis: place}, speed=0.0, frames=8)
+        assert page.path(s)[0][6, "x y".find(axis)] == place
+        with pytest.raises(ValueError, match="frame 7 the target is outside the 30 x 20"):
+            page.path(replace(s, **{axis: place + step}))
+
+
 @pytest.mark.parametrize(
     ("M", "alive", "says"), [(2000, 1300, True), (2000, 1299, False), (20, 13, True)]
 )
@@ -244,6 +255,7 @@ def test_a_window_forgets_what_is_older(page):
     for N, gate, answer in ((3, "absence", True), (4, "absence", False), (3, "existence", False)):
         assert page.influenced(history, page.Params(N=N, gate=gate)) == answer
     assert page.influenced([0.43] * 3, page.Params())  # "at most", whatever rounding does
+    assert page.influenced([0.6, 0.7, 0.8], page.Params(gate="existence"))
     assert not page.influenced([0.43, 0.43, 0.431], page.Params())
 
 
@@ -281,6 +293,16 @@ def test_weights_inside_and_outside_the_frame_are_equation_10(page, size):
     ours = page.log_weights(frame, r, S, page.Params(scene=s))
     hand = [log_ratio(frame, S[n, 0], S[n, 2], s) if r[n] else 0.0 for n in range(400)]
     assert np.allclose(ours, hand, rtol=1e-9, atol=1e-9)
+
+
+def test_distinct_counts_living_ancestors_once(page):
+    for keep, r, alive in (
+        ([0, 0, 1, 3, 3, 3, 4], [1, 1, 0, 2, 2, 2, 1], 3),
+        ([0, 0, 1, 3], [0, 0, 0, 1], 1),
+        ([2, 5, 6], [0, 0, 0], 0),
+        ([7], [2], 1),
+    ):
+        assert page.distinct_alive(np.array(keep), np.array(r)) == alive
 
 
 def test_the_image_of_a_target_is_equation_7(page):
@@ -383,6 +405,25 @@ def test_the_bernoulli_filter_agrees_with_a_classic_one_of_many_particles(page):
     assert (gap < 5 * np.hypot(*se) + 1e-3).all()
 
 
+def test_births_weigh_prior_over_proposal(page):
+    """Nine in ten births by the root of the ratio (10) of their cell, one in ten by the prior."""
+    s, q = page.Scene(nx=6, ny=5), page.Prior(x=(0, 7), y=(0.25, 6))
+    frame = np.random.default_rng(24).normal(0, s.noise, (6, 5))
+    p = page.Params(scene=s, prior=q)
+    S, over = page.map_births(frame, 4000, page.grid(s), p, np.random.default_rng(25))
+    ratio = np.array(
+        [[np.exp(log_ratio(frame, i, j, s)) for j in range(1, 6)] for i in range(1, 7)]
+    )
+    root, box = np.sqrt(ratio) / np.sqrt(ratio).sum(), 1 / (7 * 5.75)
+    for x, y, w in zip(S[:, 0], S[:, 2], over, strict=True):
+        i, j = int(np.floor(x - 0.5)), int(np.floor(y - 0.5))
+        seen = root[i, j] if 0 <= i < 6 and 0 <= j < 5 else 0.0
+        allowed = box if y >= 0.25 else 0.0
+        assert w == pytest.approx(allowed / (0.9 * seen + 0.1 * allowed))
+    cells = np.histogram2d(S[:3600, 0], S[:3600, 2], bins=(np.arange(0.5, 7), np.arange(0.5, 6)))[0]
+    assert abs(cells - 3600 * root).max() < 1  # systematic
+
+
 def test_the_regime_of_a_birth_does_not_know_its_place(page, scene_frames):
     S, over = page.map_births(
         scene_frames[9], 4000, page.grid(page.Scene()), page.Params(), np.random.default_rng(15)
@@ -403,6 +444,13 @@ def test_a_scene_needs_no_path_and_births_lie_over_its_frame(page):
     assert S[:, 0].max() > 63
     assert S[:, 2].max() > 47
     assert page.Params().prior == page.Prior()  # the paper's own, with its y up to 25
+
+
+def test_what_is_just_within_its_limits_is_taken(page):
+    page.Params(M=1, M_new=0, N=1, spread=(0.0, 0.0), prior=page.Prior(x=(1, 30), y=(1, 20)))
+    page.Params(M=1, M_new=1)
+    page.Prior(absent=0.0, cv=0.0, ct=1.0, accel=0.0, x=(0, 0))
+    page.Prior(absent=1.0, cv=0.0, ct=0.0)
 
 
 def correct_share(page, s, n, k):
