@@ -449,7 +449,7 @@ def test_the_clutter_density_can_be_estimated():
 
 def test_the_estimated_density_is_that_of_the_gates_of_the_scan():
     own = replace(SETUP, clutter="estimate", p_start=0.5)
-    x, P = kalman.predict(np.asarray(own.x), own.P, own.F, own.Q)
+    x, P = kalman.predict(np.asarray(own.x), np.tile(own.P, (2, 1, 1)), own.F, own.Q)
     zhat, _, S = kalman.gate_tracks(x, P, own.sigma_r**2, math.radians(own.sigma_theta_deg) ** 2)
     log_p = association.gate(SCANS[1][:, :2], zhat, S, own.gamma, own.p_gate)[1]
     expected = 2 * own.p_detect * own.p_gate * own.p11 * own.p_start
