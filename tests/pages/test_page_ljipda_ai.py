@@ -74,12 +74,73 @@ def test_clutter_of_the_union_has_its_density():
     assert counts[page.MEETING - 1] == pytest.approx(area, abs=4 * math.sqrt(area / 40))
 
 
+def in_sight(X, z):
+    """Positions (n, 2) of plots about a target X (4,), along its line of sight and across it."""
+    along = X[::2] / np.hypot(*X[::2])
+    return (z - X[::2]) @ np.array([along, [-along[1], along[0]]]).T
+
+
+def test_clutter_fills_squares_along_the_line_of_sight():
+    p = page.Scenario(p_detect=1e-12, scenario="print")
+    X, found = page.course(p)[0], []
+    for i in range(3):
+        plots = page.simulate(p, rng(i))
+        for k in range(0, 100, 9):
+            z = plots.z[plots.first[k] : plots.first[k + 1]]
+            seen = np.array([in_sight(target, z) for target in X[k]])
+            assert (np.abs(seen).max(axis=2).min(axis=0) < 800).all()
+            found.extend(seen[0][np.abs(seen[0]).max(axis=1) < 800])
+    unit = np.array(found) / 800
+    n = len(unit)
+    np.testing.assert_allclose(unit.mean(axis=0), 0, atol=4 * math.sqrt(1 / 3 / n))
+    np.testing.assert_allclose(unit.var(axis=0), 1 / 3, rtol=0.05)
+    assert abs(np.corrcoef(unit.T)[0, 1]) < 4 / math.sqrt(n)
+
+
+def test_a_square_stands_along_the_line_of_sight():
+    X = np.array([6e3, 200.0, 8e3, -100.0])  # the line of sight is (0.6, 0.8)
+    for along, across in ((790, 0), (-790, 0), (0, 790), (0, -790), (790, 790), (-790, 790)):
+        for stretch in (1.0, 1.1):
+            g, h = along * stretch / 790 * 740, across * stretch / 790 * 740
+            x, y = 6e3 + 0.6 * g - 0.8 * h, 8e3 + 0.8 * g + 0.6 * h
+            assert page.in_square(X, x, y, 740 * 1.05) == (stretch == 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "half"), [({}, 800), ({"sigma_r": 200.0}, 1600), ({"sigma_theta_deg": 1.0}, 5707)]
+)
+def test_squares_grow_with_the_errors_of_a_plot(change, half):
+    """Eight standard errors to each side; the farthest target is 40.9 km away."""
+    sea = page.simulate(page.Scenario(clutter=1e-9, **change), rng(0)).sea
+    assert sea.half == pytest.approx(half, rel=1e-3)
+    assert sea.reach == pytest.approx(4 * sea.half, rel=1e-12)
+
+
+def test_converted_plots_have_no_bias():
+    """With azimuth errors of 20 degrees a plot is shorter on average by exp(-0.061)."""
+    X, n = np.array([[[3e4, 0.0, 4e4, 0.0]]] * 20_000), 20_000
+    one, sigma = np.ones(1), math.radians(20.0)
+    z, u, first = page.radar(X, 100.0, sigma, one, 10 * one, 1e-18, 800.0, rng(3))
+    np.testing.assert_array_equal(first, np.arange(n + 1))
+    assert z.mean(axis=0) == pytest.approx([3e4, 4e4], abs=4 * 5e4 * sigma / math.sqrt(n))
+    assert np.hypot(*z.T).std() == pytest.approx(100 * math.exp(sigma**2 / 2), rel=0.03)
+    assert u.mean() == pytest.approx(11.0, abs=4 * 11 / math.sqrt(n))
+
+
 def test_amplitudes_follow_their_laws():
     p = page.Scenario(p_detect=1 - 1e-12, clutter=1e-12)
     u = np.concatenate([page.simulate(p, rng(i)).u for i in range(30)])
     assert u.mean() == pytest.approx(11.0, abs=4 * 11 / math.sqrt(u.size))
     noise = page.simulate(page.Scenario(p_detect=1e-12), rng(1)).u
     assert noise.mean() == pytest.approx(1.0, abs=4 / math.sqrt(noise.size))
+
+
+def test_tiles_draw_from_splitmix64():
+    """The first outputs of the published generator for the seed 1234567."""
+    published = [6457827717110365317, 3203168211198807973, 9817491932198370423]
+    assert [page.hashed(np.uint64(1234567), n) for n in range(3)] == published
+    for n, word in enumerate(published):
+        assert page.uniform(np.uint64(1234567), n) == ((word >> 11) + 0.5) / 2**53
 
 
 def a_sea(key=3, half=1e-3, reach=5e3, clutter=3e-5, X=None):
@@ -112,6 +173,8 @@ def test_tiles_are_a_poisson_field():
         where = (boxes[:, axis] - centre + 1000) / 2000
         assert where.mean() == pytest.approx(0.5, abs=4 * math.sqrt(1 / 12 / n))
         assert where.var() == pytest.approx(1 / 12, rel=0.03)
+    inside_tile = np.column_stack([boxes[:, :2] * math.sqrt(sea.clutter) % 1, boxes[:, 2]])
+    assert np.abs(np.corrcoef(inside_tile.T) - np.eye(3)).max() < 4 / math.sqrt(n)
     assert boxes[:, 2].mean() == pytest.approx(1.0, abs=4 / math.sqrt(n))
     assert boxes[:, 2].var() == pytest.approx(1.0, rel=0.1)
     assert abs(np.corrcoef(counts[:-1], counts[1:])[0, 1]) < 4 / math.sqrt(300)
@@ -275,6 +338,16 @@ def test_starts_scatter_as_the_tracker_is_told():
         assert distance.mean() == pytest.approx(4.0, abs=4 * math.sqrt(8 / 1200))
 
 
+def test_start_covariances_are_those_of_the_parameters_and_of_two_plots():
+    p = page.Scenario(init_position=70.0, init_speed=3.0)
+    np.testing.assert_allclose(page.start_covariance(p), [np.diag([4900.0, 9, 4900, 9])] * 3)
+    P, var = page.start_covariance(replace(p, two_point=True)), np.array([1e4, 0.02**2])
+    for z, found in zip(kalman.polar(page.course(p)[0][0]), P, strict=True):
+        R = kalman.polar_noise(z, np.diag(var * [1, (math.pi / 180) ** 2]))
+        np.testing.assert_allclose(found[::2, ::2], R, rtol=1e-9)
+        np.testing.assert_allclose(found[1::2, 1::2], 2 * R, rtol=1e-9)
+
+
 # Own data -----------------------------------------------------------------------------------------
 
 
@@ -330,10 +403,14 @@ def test_beta_names_the_plots_of_the_scan():
         np.testing.assert_array_equal(np.delete(a, 1, axis=1), b)
 
 
-def test_run_is_the_loop_of_the_experiments_bit_for_bit():
-    p = page.Scenario()
+@pytest.mark.parametrize("two_point", [False, True])
+def test_run_is_the_loop_of_the_experiments_bit_for_bit(two_point):
+    p = page.Scenario(two_point=two_point)
     z = page.simulate(p, rng(6))
     result = page.run(z, p, rng(7), "LJIPDA")
+    widths = np.array([beta.shape[1] - 1 for beta in result.beta])
+    assert (widths >= np.diff(z.first)).all()
+    assert (widths > np.diff(z.first)).any() == two_point  # tracks astray meet the sea
     x, alive = page.states(z, page.setup(p, rng(7)), "LJIPDA")
     np.testing.assert_array_equal(result.x, x)
     np.testing.assert_array_equal(result.existence, alive)
@@ -366,7 +443,20 @@ def test_the_clutter_density_can_be_estimated():
     own = replace(SETUP, clutter="estimate")
     found = page.run(SCANS, own, method="LM-AI")
     assert np.linalg.norm(found.x[-1, :, ::2] - TRUTH[-1], axis=-1).max() < 25
+    assert (found.existence[-1] > 0.9).all()
     assert not (found.x == page.run(SCANS, SETUP, method="LM-AI").x).all()
+
+
+def test_the_estimated_density_is_that_of_the_gates_of_the_scan():
+    own = replace(SETUP, clutter="estimate", p_start=0.5)
+    x, P = kalman.predict(np.asarray(own.x), np.tile(own.P, (2, 1, 1)), own.F, own.Q)
+    zhat, _, S = kalman.gate_tracks(x, P, own.sigma_r**2, math.radians(own.sigma_theta_deg) ** 2)
+    log_p = association.gate(SCANS[1][:, :2], zhat, S, own.gamma, own.p_gate)[1]
+    expected = 2 * own.p_detect * own.p_gate * own.p11 * own.p_start
+    told = replace(own, clutter=page.clutter_density(log_p, S, own.gamma, expected))
+    ours, theirs = (page.run(SCANS[:2], s, method="LM-AI") for s in (own, told))
+    np.testing.assert_allclose(ours.x, theirs.x, rtol=1e-12)
+    np.testing.assert_allclose(ours.existence, theirs.existence, rtol=1e-12)
 
 
 def test_amplitudes_enter_as_excess_over_the_threshold():
@@ -374,6 +464,9 @@ def test_amplitudes_enter_as_excess_over_the_threshold():
     u = (np.concatenate([SCANS[0], SCANS[1]])[:, 2] ** 2 - 2.8**2) / 2
     np.testing.assert_allclose(z.u, u, rtol=1e-12)
     np.testing.assert_array_equal(z.first, np.cumsum([0, len(SCANS[0]), len(SCANS[1])]))
+    assert z.sea.X.shape[1] == 0  # no clutter but that of the data
+    at_threshold = page.own_plots([np.array([[0.0, 0.0, 2.8]])] * 2, SETUP, True)
+    np.testing.assert_array_equal(at_threshold.u, 0)
 
 
 def test_scans_may_be_empty_and_of_any_number():
@@ -480,6 +573,26 @@ def test_data_that_cannot_be_tracked_are_refused_in_one_line(scans, change, meth
     with pytest.raises(ValueError, match=words) as caught:
         page.run(scans, replace(SETUP, **change), method=method)
     assert "\n" not in str(caught.value)
+
+
+def test_exact_association_holds_as_many_tracks_as_it_says():
+    crowd = replace(SETUP, x=np.tile(SETUP.x, (8, 1)))
+    result = page.run([scan[:2] for scan in SCANS[:2]], crowd, method="JIPDA-AI")
+    assert result.x.shape == (2, association.MAX_TRACKS, 4)
+
+
+@pytest.mark.parametrize("change", [{"P": 1e-20 * np.eye(4)}, {"Q": np.zeros((4, 4))}])
+def test_small_covariances_are_no_error(change):
+    assert np.isfinite(page.run(SCANS, replace(SETUP, **change), method="LM-AI").x).all()
+
+
+def test_rounding_is_no_asymmetry():
+    P = np.array(SETUP.P)
+    P[0, 2] = 1e-7  # of variances of 400
+    replace(SETUP, P=P)
+    P[0, 2] = 1e-6
+    with pytest.raises(ValueError, match="not symmetric"):
+        replace(SETUP, P=P)
 
 
 def test_many_tracks_are_no_limit_to_linear_methods():
