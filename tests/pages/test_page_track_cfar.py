@@ -353,6 +353,30 @@ def test_filter_is_consistent_in_the_nominal_scene(page, p):
     assert abs(np.mean(nees) - 4) < 4 * math.sqrt(8 / n)
 
 
+@pytest.mark.parametrize("g", [2.0, 4.0, 5.0])
+def test_residuals_are_those_of_run(page, p, g):
+    """Against `predict` and `run` on plots that are always detected, within 4 or g deviations."""
+    p = replace(p, gate_g=g, frames=30)
+    z, wide = page.truth(p), replace(p, gate_g=max(g, 4.0), frames=30)
+    for i in range(3):
+        scene = page.simulate(z, p, generator(i, 14))
+        scene.e[9] = 5.5  # outside the gate if g is 4
+        plots = plots_of(page, p, scene)
+        scans = [np.array([[*plot, np.inf]]) for plot in plots]
+        tracks = [
+            page.Track(*kalman.two_point(*plots[:2], *page.variances(plots[:2, 0], p), p.scan))
+        ]
+        tracks += page.run(scans, wide)
+        out, inside = page.residuals(scene, z, page.design(p))
+        spreads, expected = [page.predict(track, p) for track in tracks[:-1]], []
+        for k, at in enumerate(spreads, start=2):
+            each = [kalman.residual(place, at.zhat) for place in (z[k], plots[k])]
+            expected.append(np.ravel(each / np.sqrt(np.diag(at.D))))
+        np.testing.assert_allclose(out, expected, rtol=1e-6, atol=1e-9)
+        assert inside == np.mean((np.abs(out[:, 2:]) <= g).all(axis=1))
+        assert inside < 1 or g == 5.0
+
+
 def test_the_error_of_a_crossing_is_that_of_many_runs():
     """The page's influences against the scatter of independent curves."""
     cells = pages.cells("track_cfar")
