@@ -281,6 +281,7 @@ def test_without_a_target_the_chain_keeps_its_promise_and_the_cap_makes_it_small
     def left(q):
         return page.chain(q, vanish=0).after[-1]
 
+    assert (page.chain(strong).eta == 0).all()  # never below
     assert math.isclose(left(replace(strong, gate_g=1e9)), p.track_pfa, rel_tol=1e-9)
     assert left(strong) < 0.5 * p.track_pfa
     assert math.isclose(left(replace(strong, snr0_db=0.0)), p.track_pfa, rel_tol=1e-9)
