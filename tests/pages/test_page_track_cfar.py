@@ -700,3 +700,11 @@ def test_a_field_out_of_range_is_named(page, change):
     (name,) = change
     with pytest.raises(ValueError, match=name):
         page.Scenario(**change)
+
+
+def test_the_ends_of_the_ranges_are_legal_and_a_message_names_them(page):
+    below = 1 - 2**-53
+    for change in ({"track_pfa": below}, {"cell_pfa": below}, {"gate_g": 1e-100}):
+        page.Scenario(**change)
+    with pytest.raises(ValueError, match=r"track_pfa: 1.0 is not .* to 0\.9999999999999999"):
+        page.Scenario(track_pfa=1.0)
