@@ -422,6 +422,22 @@ def test_the_nearest_or_the_strongest_plot_is_used(page, p):
         assert y[2] > -math.log(0.2) if wins else y[2] == lam
 
 
+def test_every_false_plot_of_the_gate_is_compared(page, p):
+    d, D, second = page.design(p), (625.0, 0.0, 2.5e-5), 0
+    centre, half, P_f = (2e5, 0.7), (400.0, 0.1), 0.5
+    for u in np.linspace(0.001, 0.4, 60):
+        scene = page.Scene(np.ones(1), np.zeros((3, 2)), np.array([u]), np.array([[0.3, 0.7]]))
+        every = [
+            detection.false_plot(u, scene.v[0], centre, half, d.cell, P_f, n) for n in range(60)
+        ]
+        distances = [page.far((plot[1], plot[2]), D) for plot in every if plot[0]]
+        found, y = page.choose(scene, 0, False, (0.0, 0.0, 0.0), centre, centre, half, D, P_f, d)
+        assert found == bool(distances)
+        assert not found or math.isclose(page.far((y[0], y[1]), D), min(distances), rel_tol=1e-12)
+        second += found and np.argmin(distances) % 2
+    assert second > 3
+
+
 def test_the_targets_own_cell_may_be_spared(page, p):
     for own, spared, found in ((True, True, False), (True, False, True), (False, True, True)):
         (seen, _), _ = one_choice(page, p, False, (0.0, 0.0, 0.0), own, spared=spared)
@@ -567,6 +583,14 @@ def test_a_track_starts_from_a_state(page):
     np.testing.assert_allclose(one[0].x, whole[8].x, rtol=1e-12)
 
 
+def test_a_covariance_without_spread_in_a_direction_starts_a_track(page):
+    """Its smallest eigenvalue is negative by rounding."""
+    line = 1e3 * np.array([1.0, 0.1, 0.7, 0.3])
+    P = np.outer(line, line)
+    assert -1e-6 < np.linalg.eigvalsh(P)[0] < -1e-12
+    assert page.check_start((np.ones(4), P)).misses == 0
+
+
 def test_scans_may_be_empty_and_plots_in_any_order(page):
     scans, _ = my_scans(12)
     given = partial(page.run, p=mine(page), accuracy=(10.0, 0.002))
@@ -652,6 +676,7 @@ def test_scans_that_cannot_be_right_are_refused(page, scans, words):
         ({"accuracy": 10.0}, "accuracy: .* positive"),
         ({"accuracy": lambda r: (math.nan, 1.0)}, "accuracy: .* positive"),
         ({"p_cell": 2.0}, "p_cell: 2.0"),
+        ({"p_cell": 1.0}, "p_cell: 1.0"),
         ({"start": (np.zeros(3), np.eye(4))}, "start: give x"),
         ({"start": (np.ones(4), math.nan * np.eye(4))}, "start: give x"),
         ({"start": (np.ones(4), -np.eye(4))}, "start: P is no covariance"),
