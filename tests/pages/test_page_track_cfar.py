@@ -281,6 +281,7 @@ def test_without_a_target_the_chain_keeps_its_promise_and_the_cap_makes_it_small
     def left(q):
         return page.chain(q, vanish=0).after[-1]
 
+    assert (page.chain(strong).eta == 0).all()  # never below
     assert math.isclose(left(replace(strong, gate_g=1e9)), p.track_pfa, rel_tol=1e-9)
     assert left(strong) < 0.5 * p.track_pfa
     assert math.isclose(left(replace(strong, snr0_db=0.0)), p.track_pfa, rel_tol=1e-9)
@@ -353,6 +354,30 @@ def test_filter_is_consistent_in_the_nominal_scene(page, p):
     assert abs(np.mean(nees) - 4) < 4 * math.sqrt(8 / n)
 
 
+@pytest.mark.parametrize("g", [2.0, 4.0, 5.0])
+def test_residuals_are_those_of_run(page, p, g):
+    """Against `predict` and `run` on plots that are always detected, within 4 or g deviations."""
+    p = replace(p, gate_g=g, frames=30)
+    z, wide = page.truth(p), replace(p, gate_g=max(g, 4.0), frames=30)
+    for i in range(3):
+        scene = page.simulate(z, p, generator(i, 14))
+        scene.e[9] = 5.5  # outside the gate if g is 4
+        plots = plots_of(page, p, scene)
+        scans = [np.array([[*plot, np.inf]]) for plot in plots]
+        tracks = [
+            page.Track(*kalman.two_point(*plots[:2], *page.variances(plots[:2, 0], p), p.scan))
+        ]
+        tracks += page.run(scans, wide)
+        out, inside = page.residuals(scene, z, page.design(p))
+        spreads, expected = [page.predict(track, p) for track in tracks[:-1]], []
+        for k, at in enumerate(spreads, start=2):
+            each = [kalman.residual(place, at.zhat) for place in (z[k], plots[k])]
+            expected.append(np.ravel(each / np.sqrt(np.diag(at.D))))
+        np.testing.assert_allclose(out, expected, rtol=1e-6, atol=1e-9)
+        assert inside == np.mean((np.abs(out[:, 2:]) <= g).all(axis=1))
+        assert inside < 1 or g == 5.0
+
+
 def test_the_error_of_a_crossing_is_that_of_many_runs():
     """The page's influences against the scatter of independent curves."""
     cells = pages.cells("track_cfar")
@@ -395,6 +420,22 @@ def test_the_nearest_or_the_strongest_plot_is_used(page, p):
         (found, y), false = one_choice(page, p, True, (1e-3, 1e-7, lam), False, strongest=True)
         np.testing.assert_allclose(y[:2], false if wins else (1e-3, 1e-7))
         assert y[2] > -math.log(0.2) if wins else y[2] == lam
+
+
+def test_every_false_plot_of_the_gate_is_compared(page, p):
+    d, D, second = page.design(p), (625.0, 0.0, 2.5e-5), 0
+    centre, half, P_f = (2e5, 0.7), (400.0, 0.1), 0.5
+    for u in np.linspace(0.001, 0.4, 60):
+        scene = page.Scene(np.ones(1), np.zeros((3, 2)), np.array([u]), np.array([[0.3, 0.7]]))
+        every = [
+            detection.false_plot(u, scene.v[0], centre, half, d.cell, P_f, n) for n in range(60)
+        ]
+        distances = [page.far((plot[1], plot[2]), D) for plot in every if plot[0]]
+        found, y = page.choose(scene, 0, False, (0.0, 0.0, 0.0), centre, centre, half, D, P_f, d)
+        assert found == bool(distances)
+        assert not found or math.isclose(page.far((y[0], y[1]), D), min(distances), rel_tol=1e-12)
+        second += found and np.argmin(distances) % 2
+    assert second > 3
 
 
 def test_the_targets_own_cell_may_be_spared(page, p):
@@ -542,6 +583,14 @@ def test_a_track_starts_from_a_state(page):
     np.testing.assert_allclose(one[0].x, whole[8].x, rtol=1e-12)
 
 
+def test_a_covariance_without_spread_in_a_direction_starts_a_track(page):
+    """Its smallest eigenvalue is negative by rounding."""
+    line = 1e3 * np.array([1.0, 0.1, 0.7, 0.3])
+    P = np.outer(line, line)
+    assert -1e-6 < np.linalg.eigvalsh(P)[0] < -1e-12
+    assert page.check_start((np.ones(4), P)).misses == 0
+
+
 def test_scans_may_be_empty_and_plots_in_any_order(page):
     scans, _ = my_scans(12)
     given = partial(page.run, p=mine(page), accuracy=(10.0, 0.002))
@@ -627,6 +676,7 @@ def test_scans_that_cannot_be_right_are_refused(page, scans, words):
         ({"accuracy": 10.0}, "accuracy: .* positive"),
         ({"accuracy": lambda r: (math.nan, 1.0)}, "accuracy: .* positive"),
         ({"p_cell": 2.0}, "p_cell: 2.0"),
+        ({"p_cell": 1.0}, "p_cell: 1.0"),
         ({"start": (np.zeros(3), np.eye(4))}, "start: give x"),
         ({"start": (np.ones(4), math.nan * np.eye(4))}, "start: give x"),
         ({"start": (np.ones(4), -np.eye(4))}, "start: P is no covariance"),
@@ -675,3 +725,11 @@ def test_a_field_out_of_range_is_named(page, change):
     (name,) = change
     with pytest.raises(ValueError, match=name):
         page.Scenario(**change)
+
+
+def test_the_ends_of_the_ranges_are_legal_and_a_message_names_them(page):
+    below = 1 - 2**-53
+    for change in ({"track_pfa": below}, {"cell_pfa": below}, {"gate_g": 1e-100}):
+        page.Scenario(**change)
+    with pytest.raises(ValueError, match=r"track_pfa: 1.0 is not .* to 0\.9999999999999999"):
+        page.Scenario(track_pfa=1.0)
