@@ -16,8 +16,11 @@ from tbdcore import kernel
 _FLOATS, _INT = (np.dtype(np.float64), np.dtype(np.float32)), np.dtype(np.int64)
 
 
-def typed(compiled):
-    """A kernel whose arguments Python may get wrong: what Numba cannot compile is a ValueError."""
+def typed(compiled, inside=None):
+    """A kernel whose arguments Python may get wrong: what Numba cannot compile is a ValueError.
+
+    inside : what another kernel calls instead, without the checks of the first.
+    """
 
     @functools.wraps(compiled.py_func)
     def call(*args):
@@ -27,7 +30,8 @@ def typed(compiled):
             name = f"{call.__module__}.{call.__name__}".removeprefix("tbdcore.")
             raise ValueError(f"{name}: arguments of another type or shape; see help()") from None
 
-    call.py_func, call._numba_type_ = compiled.py_func, typeof(compiled)
+    call.py_func, call.stats = compiled.py_func, compiled.stats
+    call._numba_type_ = typeof(inside or compiled)
     return call
 
 

@@ -40,6 +40,8 @@ from numba.core.errors import NumbaError
 
 from tbdcore import checks, kernel
 
+TINY = np.finfo(np.float32).smallest_subnormal
+
 
 def margin(frames, width):
     """Frames (K, Nx, Ny) with ``width`` cells of -inf around; cell (i, j) at (i, j) + width.
@@ -114,33 +116,21 @@ def _one_type(compiled):
 
 
 @kernel
-def _check_window(weights):
-    """Raise ValueError unless weights (2 d + 1,) are finite, >= 0, positive in the middle."""
-    if weights.size % 2 == 0 or not weights[weights.size // 2] > 0:
-        raise ValueError("weights: give 2 d + 1 weights, the middle one positive")
+def _check_weights(weights, size, least):
+    """Raise ValueError unless `size` = 2 d + 1 weights are in [least, inf), the middle one > 0."""
+    if weights.size != size or size % 2 == 0 or not weights[size // 2] > 0:
+        raise ValueError("weights: give 2 d + 1 (3 or 3 x 3) weights, the middle one positive")
     for w in weights:
-        if not 0 <= w < np.inf:
+        if not least <= w < np.inf:
             raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
 
 
 @kernel
-def _check_three(position, velocity):
-    """Raise ValueError unless there are two times three weights or prices, none negative."""
-    if position.size != 3 or velocity.size != 3 or position[1] + velocity[1] == np.inf:
-        raise ValueError("position, velocity: give three weights or prices each, the middle finite")
-    for n in range(3):
-        if not (position[n] >= 0 and velocity[n] >= 0):
-            raise ValueError("position, velocity: a weight or price is negative or NaN")
-
-
-@kernel
-def _check_table(table):
-    """Raise ValueError unless all (3, 3) weights are positive and finite."""
-    if table.shape != (3, 3):
-        raise ValueError("table: give (3, 3) weights, position slack first")
-    for w in table.reshape(9):
-        if not 0 < w < np.inf:
-            raise ValueError("table: weights must be positive and finite")
+def _check_prices(position, velocity):
+    """Raise ValueError unless there are three prices each, none negative, the middle one finite."""
+    for price in (position, velocity):
+        if price.size != 3 or not (price.min() >= 0 and price[1] < np.inf):
+            raise ValueError("position, velocity: give three prices each >= 0, the middle finite")
 
 
 @kernel
@@ -309,23 +299,17 @@ def _candidates(previous, state, table, lowest_velocity, combine):
     states = np.stack((u, w, x, y), axis=1)
     keep = ((states >= 0) & (states < previous.shape)).all(axis=1)
     n, s, m, r, states = n[keep], s[keep], m[keep], r[keep], states[keep]
-    return combine(combine(previous[*states.T], table[n, s]), table[m, r]), states
-
-
-def _best_of(values, states):
-    """State of the largest value, or four times -1 when there is none."""
-    values = np.where(np.isnan(values), -np.inf, values)
-    if not values.size or values.max() == -np.inf:
-        return -1, -1, -1, -1
-    return tuple(int(index) for index in states[values.argmax()])
+    values = combine(combine(previous[*states.T], table[n, s]), table[m, r])
+    return np.nan_to_num(values, nan=-np.inf, posinf=np.inf, neginf=-np.inf), states
 
 
 def _path_of(I, state, table, lowest_velocity, combine):
     """Best path to a state; four times -1 from where no predecessor can be reached."""
     path = [state]
     for previous in I[-2::-1]:
-        if state[0] >= 0:
-            state = _best_of(*_candidates(previous, state, table, lowest_velocity, combine))
+        values, states = _candidates(previous, state, table, lowest_velocity, combine)
+        reached = state[0] >= 0 and values.max(initial=-np.inf) > -np.inf
+        state = tuple(states[values.argmax()].tolist()) if reached else (-1, -1, -1, -1)
         path.append(state)
     return np.array(path[::-1])
 
@@ -336,10 +320,7 @@ def _path_of(I, state, table, lowest_velocity, combine):
 @kernel
 def _start(z, I):
     """Eq. (14): the value of every velocity is that of the cell."""
-    first, frame = I[0].reshape(I.shape[1] * I.shape[2], z[0].size), z[0].reshape(z[0].size)
-    for v in range(first.shape[0]):
-        for x in range(frame.size):
-            first[v, x] = frame[x]
+    I[0] = z[0]
 
 
 @kernel
@@ -374,7 +355,7 @@ def box_forward(z, position, lowest_velocity, reach, I):
     lowest_velocity : of index 0, cells/frame; reach : width of the margin, at least d + the
         fastest velocity.
     """
-    _check_window(position)
+    _check_weights(position, position.size, 0)
     _check_room(z, I, position.size // 2, lowest_velocity, reach)
     work = np.empty((3, z.shape[1] * z.shape[2]), I.dtype)
     _start(z, I)
@@ -436,9 +417,8 @@ def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
     Arrays as in :func:`box_forward`; position, velocity : (3,) of the frames' type, 0 for a slack
     left out.  The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
     """
-    _check_three(position, velocity)
-    _check_window(position)
-    _check_window(velocity)
+    _check_weights(position, 3, 0)
+    _check_weights(velocity, 3, 0)
     _check_room(z, I, 1, lowest_velocity, reach)
     return _weighted(z, position, velocity, lowest_velocity, reach, I)
 
@@ -456,7 +436,7 @@ def penalised_forward(z, position, velocity, lowest_velocity, reach, I):
     Not in the paper.  position, velocity : (3,) prices, inf for a slack left out.  A price of
     lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
-    _check_three(position, velocity)
+    _check_prices(position, velocity)
     _check_room(z, I, 1, lowest_velocity, reach)
     return _penalised(z, position, velocity, lowest_velocity, reach, I)
 
@@ -494,7 +474,7 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     Arrays as in :func:`box_forward`; table : (3, 3) of the frames' type, position slack first, all
     positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
     """
-    _check_table(table)
+    _check_weights(_flat(table), 9, TINY)
     _check_room(z, I, 1, lowest_velocity, reach)
     rows = np.empty((I.shape[1], z.shape[1] * z.shape[2]), I.dtype)
     _fill(_flat(rows), -np.inf)
@@ -577,8 +557,8 @@ def weighted_path(I, state, position, velocity, lowest_velocity):
     frames; state : (iv, jv, i, j) in frame K, i and j counted with the margin.  Returns states of
     the same form, (K, 4) of int; four times -1 from where no predecessor can be reached.
     """
-    _check_window(position)
-    _check_window(velocity)
+    _check_weights(position, position.size, 0)
+    _check_weights(velocity, velocity.size, 0)
     return _best_path(I, state, position, velocity.reshape(1, velocity.size), lowest_velocity)
 
 
@@ -591,7 +571,7 @@ def penalised_path_spec(I, state, position, velocity, lowest_velocity):
 @kernel
 def penalised_path(I, state, position, velocity, lowest_velocity):
     """The best path that ends in ``state`` under penalised_forward; see :func:`weighted_path`."""
-    _check_three(position, velocity)
+    _check_prices(position, velocity)
     return _cheapest_path(I, state, position, velocity.reshape(1, 3), lowest_velocity)
 
 
@@ -604,5 +584,5 @@ def coupled_path_spec(I, state, table, lowest_velocity):
 @kernel
 def coupled_path(I, state, table, lowest_velocity):
     """The best path that ends in ``state`` under coupled_forward; see :func:`weighted_path`."""
-    _check_table(table)
+    _check_weights(_flat(table), 9, TINY)
     return _best_path(I, state, np.ones_like(table[0]), table, lowest_velocity)

@@ -22,10 +22,10 @@ Z99 = 2.5758293035489004  # half width of a 99 % normal interval
 
 
 def _counts(k, n):
-    """k and n as floats; ValueError unless 0 <= k <= n."""
+    """k and n as floats; ValueError unless 0 <= k <= n and n is a whole number."""
     k, n = np.asarray(k, float), np.asarray(n, float)
-    if not ((k >= 0) & (k <= n) & (n < np.inf)).all():
-        raise ValueError("score: successes k and trials n must satisfy 0 <= k <= n; correct them")
+    if not ((k >= 0) & (k <= n) & (n < np.inf) & (n == np.floor(n))).all():
+        raise ValueError("score: give successes 0 <= k <= n of n trials, a whole number")
     return k, n
 
 
@@ -35,8 +35,8 @@ def proportion(k, n):
     The error is that of the share (k + 1/2) / (n + 1), which is never 0 or 1.
     """
     k, n = _counts(k, n)
+    share = (k + 0.5) / (n + 1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = (k + 0.5) / (n + 1)
         return np.where(n > 0, k / n, np.nan), np.sqrt(share * (1 - share) / n)
 
 

@@ -24,6 +24,7 @@ and variance d**2, where d**2 = sum h**2 / sigma**2 is the energy that a matched
 """
 
 import math
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -326,17 +327,13 @@ def check_frames(z):
         raise ValueError(f"frames: frame {k + 1} has a cell that is negative, infinite or NaN")
 
 
-def _polar(z, rho, alpha, spread, snr=None):
+def _polar(spread, z, rho, alpha, *snr, high=HIGH):
     """The arguments of a patch function as arrays; ValueError where they do not fit."""
+    _check_spread(spread)
     z, rho = checks.reals("frame", z, "nr", "na"), checks.reals("rho", rho, "N")
     alpha = checks.reals("alpha", alpha, rho.size)
-    _check_spread(spread)
-    checks.within("frame", z, 0.0, HIGH)
-    if snr is None:
-        return z, rho, alpha
-    snr = checks.reals("snr", snr, rho.size)
-    checks.within("snr", snr, -HIGH, HIGH)
-    return z, rho, alpha, snr
+    snr = [checks.within("snr", checks.reals("snr", a, rho.size), -HIGH, HIGH) for a in snr]
+    return checks.within("frame", z, 0.0, high), rho, alpha, *snr
 
 
 def _patches(z, rho, alpha, spread):
@@ -408,7 +405,7 @@ def power_log_ratio(z, rho, alpha, snr, spread):
     Log-ratio 0 where snr is 0 or less; -inf off the frame (and at NaN), where the region of
     equations (22, 23) has no target.
     """
-    return _power_log_ratio(*_polar(z, rho, alpha, spread, snr), spread)
+    return _power_log_ratio(*_polar(spread, z, rho, alpha, snr), spread)
 
 
 @kernel
@@ -514,7 +511,7 @@ def patch_fit(z, rho, alpha, spread):
     sum h**2 (z - 1) and sum h**4; their quotient is the intensity over the noise power that fits
     z = snr h**2 + 1 best.  Arguments as in :func:`power_log_ratio`; 0 and 0 off the frame.
     """
-    return _patch_fit(*_polar(z, rho, alpha, spread), spread)
+    return _patch_fit(*_polar(spread, z, rho, alpha), spread)
 
 
 @kernel
@@ -579,33 +576,28 @@ def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
     from scipy.integrate import quad  # takes half a second to import
     from scipy.optimize import minimize_scalar
 
+    def log_density(p, h2, cells, snr):
+        x = 2.0 * np.sqrt(p * h2 * cells)
+        return (np.log(i0e(x)) + x - p * h2).sum() - p / snr
+
     out = np.full(len(rho), -np.inf)
     for n, h2, cells in _patches(z, rho, alpha, spread):
-
-        def log_density(p, h2=h2, cells=cells, n=n):
-            x = 2.0 * np.sqrt(p * h2 * cells)
-            return (np.log(i0e(x)) + x - p * h2).sum() - p / snr[n]
-
-        bounds = 0.0, 40.0 * snr[n] + 40.0
-        best = minimize_scalar(lambda p, f=log_density: -f(p), bounds=bounds, method="bounded").x
-        top, ends = (
-            log_density(best),
-            (0.0, best, best + 2.0, 2.0 * best + 20.0, 80.0 * snr[n] + 80.0),
-        )
-
-        def density(p, f=log_density, top=top):
-            return np.exp(f(p) - top)
-
-        area = sum(quad(density, *e, epsabs=0, epsrel=1e-10)[0] for e in pairwise(ends))
-        out[n] = top + np.log(area / snr[n])
+        f = partial(log_density, h2=h2, cells=cells, snr=snr[n])
+        best = minimize_scalar(lambda p, f=f: -f(p), bounds=(0.0, 40.0 * snr[n] + 40.0)).x
+        top, ends = f(best), (0.0, best, best + 2.0, 2.0 * best + 20.0, 80.0 * snr[n] + 80.0)
+        area = [
+            quad(lambda p, f=f, top=top: np.exp(f(p) - top), *e, epsabs=0, epsrel=1e-10)[0]
+            for e in pairwise(ends)
+        ]
+        out[n] = top + np.log(sum(area) / snr[n])
     return out
 
 
 @kernel
-def _coherent(z, rho, alpha, snr, spread, step, table, out):
+def _coherent(z, rho, alpha, snr, spread, step, table):
     """The loop of :func:`coherent_log_ratio`; spread : of the amplitude."""
     (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
-    gr, ga = np.zeros(2 * hr + 1), np.zeros(2 * ha + 1)
+    gr, ga, out = np.zeros(2 * hr + 1), np.zeros(2 * ha + 1), np.empty(rho.size)
     x = np.empty(gr.size * ga.size)
     for n in range(rho.size):
         inside = _inside(rho[n], alpha[n], nr, na)
@@ -639,6 +631,7 @@ def _coherent(z, rho, alpha, snr, spread, step, table, out):
                     break
             b += width
         out[n] = best + math.log(total - width * width / (12.0 * snr[n]) * math.exp(-best))
+    return out
 
 
 def coherent_log_ratio(z, rho, alpha, snr, spread, step=0.8):
@@ -651,10 +644,7 @@ def coherent_log_ratio(z, rho, alpha, snr, spread, step=0.8):
     step : of the midpoint rule over the amplitude, in units of (1 / snr + sum h**2)**-0.5, 0.01 to
         2; error below 1e-4 at 0.25, 1e-2 at 0.8.
     """
-    z, rho, alpha, snr = _polar(z, rho, alpha, spread, snr)
-    checks.within("frame", z, 0.0, 1e8)  # the number of steps grows with the amplitude
     checks.number("step", step, 0.01, 2.0)
-    out = np.empty(rho.size)
+    arrays = _polar(spread, z, rho, alpha, snr, high=1e8)  # steps grow with the amplitude
     amplitude = Spread(0.5 * spread.lr, 0.5 * spread.la, spread.hr, spread.ha)
-    _coherent(z, rho, alpha, snr, amplitude, step, _bessel_table(), out)
-    return out
+    return _coherent(*arrays, amplitude, step, _bessel_table())

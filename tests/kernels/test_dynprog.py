@@ -405,7 +405,7 @@ def test_a_margin_that_a_step_could_leave_is_refused():
     I = np.empty((2, 1, 1, 10, 10))
     with pytest.raises(ValueError, match="margin"):
         dynprog.box_forward(z, np.ones(7), 0, 2, I)
-    with pytest.raises(ValueError, match="three weights"):
+    with pytest.raises(ValueError, match="middle one positive"):
         dynprog.weighted_forward(z, np.ones(5), np.ones(3), 0, 2, I)
 
 
