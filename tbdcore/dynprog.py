@@ -489,7 +489,7 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
 
 @kernel
 def _times(weight, value):
-    return weight * value if weight > 0 else -np.inf
+    return weight * value
 
 
 @kernel
@@ -504,8 +504,8 @@ def _trace(apply):
     def predecessor(previous, state, position, table, lowest):
         """Predecessor of largest value, in the forward pass's order; the first one wins a tie.
 
-        position : (2 d + 1,) weights of the position slacks; table : of the velocity changes, one
-        row for each slack or one for all.
+        position : (2 d + 1,) weights of the position slacks, NaN: left out; table : of the velocity
+        changes, one row for each slack or one for all.
         """
         (V, _, X, Y), d, c = previous.shape, position.size // 2, table.shape[1] // 2
         each = min(len(table) - 1, 1)  # 0: one row for all slacks
@@ -559,6 +559,7 @@ def weighted_path(I, state, position, velocity, lowest_velocity):
     """
     _check_weights(position, position.size, 0)
     _check_weights(velocity, velocity.size, 0)
+    position, velocity = position / (position > 0), velocity / (velocity > 0)  # 0 becomes NaN
     return _best_path(I, state, position, velocity.reshape(1, velocity.size), lowest_velocity)
 
 
