@@ -1,7 +1,6 @@
-"""Checks of what a caller passes: real numbers, their shape, their range.
+"""Checks of what a caller passes: a wrong argument is a ValueError of one line that names it.
 
-A wrong argument is a ValueError of one line that names it.  A compiled loop would read outside its
-arrays, or raise Numba's own error of many lines.
+A compiled loop would read outside its arrays, or raise Numba's own error of many lines.
 """
 
 import functools
@@ -17,10 +16,7 @@ _FLOATS, _INT = (np.dtype(np.float64), np.dtype(np.float32)), np.dtype(np.int64)
 
 
 def typed(compiled, inside=None):
-    """A kernel whose arguments Python may get wrong: what Numba cannot compile is a ValueError.
-
-    inside : what another kernel calls instead, without the checks of the first.
-    """
+    """The kernel; what Numba cannot compile is a ValueError.  Other kernels call ``inside``."""
 
     @functools.wraps(compiled.py_func)
     def call(*args):

@@ -22,13 +22,12 @@ i - v' + m: r is the change of velocity, m the position slack, and the same on t
 ``*_path``                  the best path that ends in one state (eqs. 5, 13, 17, 19)
 
 A maximum over products with positive weights is separable: 81 predecessors cost 6 + 6 operations.
-Where all weights are 1, the maximum over seven neighbours is one over three overlapping maxima over
-three.  An empty maximum is -inf: a state that cannot be reached is -inf.
+An empty maximum is -inf: a state that cannot be reached is -inf.
 
 Frames and value maps have a margin of -inf (``margin``), at least as wide as the longest step.
 Maps have shape (V, V, X, Y) with X = Nx + 2 margins: a step along an axis is a shift of one
-contiguous array.  The value maps of all frames are kept, and the back-trace takes the argmax again,
-multiplying in the order of the forward pass so that both agree to the last bit.  Frames, maps and
+contiguous array.  The maps of all frames are kept, and the back-trace takes the argmax again, in
+the forward pass's order of operations, so that both agree to the last bit.  Frames, maps and
 weights are contiguous arrays of one type, float32 or float64.
 """
 
@@ -63,10 +62,7 @@ def margin(frames, width):
 
 @kernel
 def _surround(frames, width, framed):
-    """Copy frames into ``framed``; return how many cells are not finite.
-
-    x - x is 0 for finite x and NaN otherwise.
-    """
+    """Copy frames into ``framed``; return how many cells are not finite: x - x is then NaN."""
     (K, Nx, Ny), (_, X, Y), flat = frames.shape, framed.shape, framed.reshape(framed.size)
     lost = end = 0
     for k in range(K):
@@ -82,10 +78,7 @@ def _surround(frames, width, framed):
 
 
 def check_weights(slack, name="slack"):
-    """Weights of the slacks -d..d as a float64 vector; ValueError unless they are valid.
-
-    Valid are an odd number of finite weights, none negative, the middle one positive.
-    """
+    """Weights of the slacks -d..d, finite, >= 0, the middle one positive, as a float64 vector."""
     slack = checks.reals(name, np.atleast_1d(slack), "2 d + 1").astype(float)
     if slack.size % 2 == 0:
         raise ValueError(f"{name}: {slack.size} weights are an even window; give 2 d + 1, -d..d")
@@ -127,7 +120,7 @@ def _check_weights(weights, size, least):
 
 @kernel
 def _check_prices(position, velocity):
-    """Raise ValueError unless there are three prices each, none negative, the middle one finite."""
+    """Raise ValueError unless there are three prices each, the middle one finite."""
     for price in (position, velocity):
         if price.size != 3 or not (price.min() >= 0 and price[1] < np.inf):
             raise ValueError("position, velocity: give three prices each >= 0, the middle finite")
@@ -286,10 +279,6 @@ def _dense_stage(previous, frame, table, lowest_velocity, out, combine):
     out += frame
 
 
-def _nan_where_zero(table):
-    return np.where(table > 0, table, np.nan)
-
-
 def _candidates(previous, state, table, lowest_velocity, combine):
     """Values and states of all predecessors of one state inside the map."""
     n, s, m, r = np.indices(table.shape * 2).reshape(4, -1)
@@ -370,10 +359,7 @@ def _flat(a):
 
 
 def _extended(best):
-    """The loops of a family, axis by axis: the best slack of each velocity, then its best change.
-
-    best : :func:`_best_product` or :func:`_best_difference`.
-    """
+    """The loops of a family: on each axis the best slack of each velocity, then its best change."""
 
     @kernel
     def forward(z, position, velocity, lowest, reach, I):
@@ -405,7 +391,8 @@ _weighted, _penalised = _extended(_best_product), _extended(_best_difference)
 
 def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I):
     """Specification of :func:`weighted_forward`: all 81 predecessors of every state."""
-    table = _nan_where_zero(np.outer(position, velocity))
+    table = np.outer(position, velocity)
+    table[table == 0] = np.nan
     return _dense(z, table, lowest_velocity, I, np.multiply)
 
 
@@ -498,14 +485,13 @@ def _less(price, value):
 
 
 def _trace(apply):
-    """The back-trace of a family: apply is :func:`_times`, or :func:`_less` for prices."""
+    """The back-trace of a family: apply multiplies by a weight, or subtracts a price."""
 
     @kernel
     def predecessor(previous, state, position, table, lowest):
-        """Predecessor of largest value, in the forward pass's order; the first one wins a tie.
+        """Predecessor of largest value; the first one wins a tie, and NaN never wins.
 
-        position : (2 d + 1,) weights of the position slacks, NaN: left out; table : of the velocity
-        changes, one row for each slack or one for all.
+        table : weights of the velocity changes, one row for each position slack or one for all.
         """
         (V, _, X, Y), d, c = previous.shape, position.size // 2, table.shape[1] // 2
         each = min(len(table) - 1, 1)  # 0: one row for all slacks
@@ -544,7 +530,8 @@ _best_path, _cheapest_path = _trace(_times), _trace(_less)
 
 def weighted_path_spec(I, state, position, velocity, lowest_velocity):
     """Specification of :func:`weighted_path`: argmax over all predecessors, frame by frame."""
-    table = _nan_where_zero(np.outer(position, velocity))
+    table = np.outer(position, velocity)
+    table[table == 0] = np.nan
     return _path_of(I, state, table, lowest_velocity, np.multiply)
 
 

@@ -9,21 +9,19 @@ origin.  One scan is
     D = H P H' + R                                    ``innovation_covariance``
     x, P = update(x, P, z - zhat, H, R)               after ``residual`` has wrapped the azimuth
 
-and these five functions take one track or any stack of tracks on leading axes.  A rectangular gate
-has the half widths g sqrt(D_jj) (``gate_half_widths``) and a size in m rad (``gate_volume``);
-``mahalanobis`` is the distance of an elliptic gate, y' D**-1 y <= gamma.
+and these five functions take one track or any stack of tracks on leading axes, as do the gates:
+``gate_half_widths`` and ``gate_volume`` of a rectangle, ``mahalanobis`` of an ellipse.
 
 ``two_point``, ``predict_cv``, ``gate_polar`` and ``update_polar`` are the same step compiled: for
-one track, in place, with the zeros of F and H left out, for loops over the frames of a trial.
-Their specifications are the dense formulas above.
+one track, in place, with the zeros of F and H left out.  Called from another kernel, the last three
+check nothing, which would double their time.  Their specifications are the formulas above.
 
 A plot in metres is a linear measurement of the position, whose noise depends on where the target
 is: ``gate_tracks`` evaluates it at the predicted positions of several tracks.  ``predict_tracks``
 and ``update_mixture`` take the same tracks through a scan whose plots carry association weights.
 
 All functions raise ValueError for NaN and infinity, for an innovation covariance that is not
-positive definite, and for a target at the radar, where azimuth has no meaning.  Inside a kernel
-``predict_cv``, ``gate_polar`` and ``update_polar`` check nothing.
+positive definite, and for a target at the radar, where azimuth has no meaning.
 
 The covariance mixes metres, metres per second and ellipses a thousand times longer than wide;
 ``update`` therefore uses Joseph's form, and the compiled one symmetrises by construction.  Start a

@@ -1,7 +1,7 @@
 """Particles: weights on the log scale, resampling, and the probability of existence.
 
-A filter carries ``N`` particles: states ``S`` of shape (N, d) and one log-weight ``lw[n]`` each,
-because one frame can be worth a factor e**30 and forty frames in a row overflow a float.
+A filter carries ``N`` particles: states ``S`` (N, d) and one log-weight ``lw[n]`` each, because one
+frame can be worth a factor e**30 and forty frames in a row overflow a float.
 
 ==============================  ==================================================================
 ``normalise(lw)``               the weights ``W``, which sum to one, and the log of the mean weight
@@ -112,10 +112,7 @@ def _total(W):
 
 @kernel
 def _arrows(W, total, M, u):
-    """The ancestors of :func:`systematic`, given the sum of the weights.
-
-    The ancestor of an arrow is the number of particles whose end, the cumulative sum, is before it.
-    """
+    """Ancestor of each arrow: the number of particles whose end, the cumulative sum, is before."""
     if not (M >= 0 and 0.0 <= u < 1.0):
         raise ValueError("resampling: M is negative, or the offset u is not in [0, 1)")
     last = W.size - 1
@@ -152,9 +149,8 @@ def resample_spec(lw, M, u):
 def resample(lw, M, u):
     """Systematic resampling from log-weights lw (N,), M and u as in :func:`systematic`.
 
-    Returns ancestors (M,), ascending; effective size; number of different ancestors.  The weights
-    stay un-normalised, which changes neither result.  Absent particles have a log-weight of exactly
-    0, whose exponential is taken once.
+    Returns ancestors (M,), ascending; effective size; number of different ancestors.  Absent
+    particles have a log-weight of exactly 0, whose exponential is taken once.
     """
     top = lw.max() if lw.size else -np.inf
     W, zero = np.empty(lw.size), math.exp(-top)
@@ -205,11 +201,8 @@ def copy_particles(r, S, ancestors):
     return regimes, states, counts, total / (M - counts[0])
 
 
-# Ancestors' history
-#
-# What was read along a particle's past in the last `window` frames is kept in H (window, s, N), s
-# samples a frame.  Frame k stands in row k mod window, whatever the age of the particle, so that a
-# frame is written in one piece and only the particles move in resampling.
+# Ancestors' history: what was read along a particle's past in the last `window` frames, in
+# H (window, s, N), s samples a frame.  Frame k is in row k mod window, whatever a particle's age.
 
 
 def record(H, age, k, sample):

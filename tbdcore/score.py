@@ -124,9 +124,6 @@ def ospa_bernoulli(x, existence, truth, c, threshold=0.5):
     return np.where(declared & present, distance, np.where(declared | present, float(c), 0.0))
 
 
-# Tracks that may be lost --------------------------------------------------------------------------
-
-
 def loss_onsets(error, distance, scans, after=0):
     """Scan index at which a track is lost, shape (..., T); the number of scans K where it never is.
 
@@ -146,11 +143,10 @@ def loss_onsets(error, distance, scans, after=0):
 
 
 def kept_rmse(error, kept):
-    """RMSE by scan, track and axis over the trials that kept a track, and its influences.
+    """RMSE (K, T, 2) over the trials that kept a track, NaN without one, and its influences.
 
-    `error` (n, K, T, 2), `kept` (n, T) bool.  Returns the RMSE (K, T, 2), NaN where no trial is
-    kept, and the influence (n, K, T, 2) of each trial on it: their standard deviation over sqrt(n)
-    is the standard error, also of means and of paired differences.
+    `error` (n, K, T, 2), `kept` (n, T) bool.  The influence (n, K, T, 2) is that of each trial: its
+    standard deviation over sqrt(n) is the standard error, also of means and paired differences.
     """
     if np.ndim(error) != 4 or kept.shape != (len(error), error.shape[2]) or not len(error):
         raise ValueError("score.kept_rmse: give errors (n, K, T, 2) and kept (n, T)")
@@ -166,9 +162,6 @@ def influence_error(influence):
     if not len(influence):
         raise ValueError("score.influence_error: no trial; give at least one")
     return np.std(influence, axis=0) / math.sqrt(len(influence))
-
-
-# A column of a table -----------------------------------------------------------------------------
 
 
 class Column(NamedTuple):
