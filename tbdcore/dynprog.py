@@ -68,12 +68,12 @@ def _surround(frames, width, framed):
     for k in range(K):
         for i in range(Nx):
             start = (k * X + width + i) * Y + width
-            _fill(flat[end:start], -np.inf)  # the margin between one row of cells and the next
+            flat[end:start] = -np.inf  # the margin between one row of cells and the next
             cells, row, end = frames[k, i], flat[start:], start + Ny
             for j in range(Ny):
                 row[j] = cells[j]
                 lost += cells[j] - cells[j] != 0
-    _fill(flat[end:], -np.inf)
+    flat[end:] = -np.inf
     return lost
 
 
@@ -223,22 +223,9 @@ def _raise_products(target, source, step, weight):
 
 
 @kernel
-def _add(target, term):
-    for x in range(target.size):
-        target[x] += term[x]
-
-
-@kernel
-def _fill(target, value):
-    for x in range(target.size):
-        target[x] = value
-
-
-@kernel
 def _edge(plane, lo, n):
     """Set all but the n elements from lo on to -inf."""
-    _fill(plane[:lo], -np.inf)
-    _fill(plane[lo + n :], -np.inf)
+    plane[:lo] = plane[lo + n :] = -np.inf
 
 
 @kernel
@@ -307,12 +294,6 @@ def _path_of(I, state, table, lowest_velocity, combine):
 
 
 @kernel
-def _start(z, I):
-    """Eq. (14): the value of every velocity is that of the cell."""
-    I[0] = z[0]
-
-
-@kernel
 def _box_stage(previous, frame, position, lowest, reach, out, work):
     V, Y, d = previous.shape[0], previous.shape[3], position.size // 2
     lo, n = reach * Y, frame.size - 2 * reach * Y
@@ -347,7 +328,7 @@ def box_forward(z, position, lowest_velocity, reach, I):
     _check_weights(position, position.size, 0)
     _check_room(z, I, position.size // 2, lowest_velocity, reach)
     work = np.empty((3, z.shape[1] * z.shape[2]), I.dtype)
-    _start(z, I)
+    I[0] = z[0]  # eq. (14): every velocity has the value of the cell
     for k in range(1, len(z)):
         _box_stage(I[k - 1], z[k], position, lowest_velocity, reach, I[k], work)
     return I
@@ -366,7 +347,7 @@ def _extended(best):
         V, size, Y = I.shape[1], z[0].size, z.shape[2]
         lo, n = reach * Y, size - 2 * reach * Y
         rows = np.full((V + 2, n), -np.inf).astype(I.dtype)  # velocity v in row v + 1
-        _start(z, I)
+        I[0] = z[0]  # eq. (14): every velocity has the value of the cell
         for k in range(1, len(z)):
             old, new = _flat(I[k - 1]), _flat(I[k])
             for plane in range(V * V):
@@ -377,9 +358,10 @@ def _extended(best):
                         source = old[start + v * along - (lowest + v + 1) * step :]
                         best(rows[v + 1], source, step, position)
                     for v in range(V):
-                        best(new[start + v * along :][:n], _flat(rows)[v * n :], n, velocity)
+                        target = new[start + v * along :][:n]
+                        best(target, _flat(rows)[v * n :], n, velocity)
                         if step > 1:
-                            _add(new[start + v * along :][:n], _flat(z[k])[lo:])
+                            target += _flat(z[k])[lo:][:n]
                 old = new
         return I
 
@@ -435,17 +417,17 @@ def _coupled_stage(previous, frame, table, lowest, reach, out, rows):
     z, planes = frame.reshape(size), out.reshape(V, V, size)
     for jv in range(V):
         for u in range(V):
-            _fill(rows[u, lo:][:n], -np.inf)
+            rows[u, lo:][:n] = -np.inf
             for w in range(max(jv - 1, 0), min(jv + 2, V)):
                 source = previous[u, w].reshape(size)[lo - lowest - w - 1 :]
                 _raise_products(rows[u, lo:][:n], source, 1, table[:, w - jv + 1])
         for iv in range(V):
             target = planes[iv, jv, lo:][:n]
-            _fill(planes[iv, jv], -np.inf)
+            planes[iv, jv] = -np.inf
             for u in range(max(iv - 1, 0), min(iv + 2, V)):
                 source = rows[u, lo - (lowest + u + 1) * Y :]
                 _raise_products(target, source, Y, table[:, u - iv + 1])
-            _add(target, z[lo:])
+            target += z[lo:][:n]
 
 
 def coupled_forward_spec(z, table, lowest_velocity, reach, I):
@@ -463,9 +445,8 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     """
     _check_weights(_flat(table), 9, TINY)
     _check_room(z, I, 1, lowest_velocity, reach)
-    rows = np.empty((I.shape[1], z.shape[1] * z.shape[2]), I.dtype)
-    _fill(_flat(rows), -np.inf)
-    _start(z, I)
+    rows = np.full((I.shape[1], z.shape[1] * z.shape[2]), -np.inf).astype(I.dtype)
+    I[0] = z[0]  # eq. (14): every velocity has the value of the cell
     for k in range(1, len(z)):
         _coupled_stage(I[k - 1], z[k], table, lowest_velocity, reach, I[k], rows)
     return I
