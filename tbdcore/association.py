@@ -254,8 +254,7 @@ def _log_density_sum(extra, without):
     """ln(1 + sum of exp(extra) over all entries but one)."""
     top, total = 0.0, 0.0
     for t in range(extra.size):
-        if t != without:
-            top = max(top, extra[t])
+        top = max(top, extra[t]) if t != without else top
     for t in range(extra.size):
         if t != without and extra[t] > -np.inf:
             total += math.exp(extra[t] - top)

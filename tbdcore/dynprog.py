@@ -43,10 +43,7 @@ TINY = np.finfo(np.float32).smallest_subnormal
 
 
 def margin(frames, width):
-    """Frames (K, Nx, Ny) with ``width`` cells of -inf around; cell (i, j) at (i, j) + width.
-
-    Raises ValueError for another shape, for an empty frame and for a cell that is not finite.
-    """
+    """Frames (K, Nx, Ny), all finite, with ``width`` cells of -inf around."""
     frames, width = np.asarray(frames), checks.integer("width", width, 0)
     if frames.ndim != 3 or 0 in frames.shape:
         raise ValueError(f"frames: shape {frames.shape}; stack them to (K, Nx, Ny), none empty")

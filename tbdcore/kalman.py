@@ -133,10 +133,7 @@ def gate_volume(g, D):
 
 
 def polar_noise(z, R):
-    """Covariance (2, 2) in m^2 of a plot z = (range, azimuth) with errors of covariance R (2, 2).
-
-    To first order in the errors: J R J' with the Jacobian J of :func:`cartesian`.
-    """
+    """First-order covariance (2, 2) in m^2 of a plot z = (range, azimuth) with that of errors R."""
     z, R = _finite("polar_noise", z, R)
     c, s = math.cos(z[1]), math.sin(z[1])
     J = np.array([[c, -z[0] * s], [s, z[0] * c]])
@@ -268,10 +265,7 @@ def _gate_polar(x, P, var_r, var_a):
 
 @kernel
 def gate_polar(x, P, var_r, var_a):
-    """Predicted plot and its covariance: (range, azimuth, D_11, D_12, D_22).
-
-    ``x`` (4,), ``P`` (4, 4), plot variances ``var_r`` in m^2 and ``var_a`` in rad^2.
-    """
+    """(range, azimuth, D_11, D_12, D_22) of x (4,), P (4, 4), var_r in m^2 and var_a in rad^2."""
     numbers = float(var_r), float(var_a)
     _check_step(x, P, numbers)
     return _finite_parts(_gate_polar(x, P, *numbers))
@@ -314,8 +308,7 @@ def _update_polar(x, P, y_r, y_a, var_r, var_a):
 def update_polar(x, P, y_r, y_a, var_r, var_a):
     """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
 
-    Range and azimuth errors are independent, with variances var_r and var_a: two scalar updates,
-    one after the other, need no matrix inverse.
+    Errors are independent, with variances var_r and var_a: two scalar updates, no matrix inverse.
     """
     numbers = float(y_r), float(y_a), float(var_r), float(var_a)
     _check_step(x, P, numbers)

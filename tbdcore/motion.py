@@ -137,12 +137,9 @@ def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
 def transition(r, S, Pi, T, u, a, omegas, redraw):
     """One frame of the chain and of the motion: regimes (N,), indices of the born (B,), states.
 
-    r : (N,) int64 regimes: 0 absent, 1 constant velocity, 2 coordinated turn
-    S : (N, 5) states [x, vx, y, vy, omega], moved **in place**
-    Pi : (3, 3) transition probabilities, rows from
-    T : seconds
-    u : (N,) uniform draws in [0, 1), one for each regime
-    a : (N, 2) accelerations, constant during the step
+    r : (N,) int64 regimes; S : (N, 5) states [x, vx, y, vy, omega], moved **in place**
+    Pi : (3, 3) transition probabilities, rows from; T : seconds
+    u : (N,) uniform draws in [0, 1); a : (N, 2) accelerations, constant during the step
     omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2, from the
         rest of the draw that chose the turn; or (0, 2) to keep the rate
     redraw : if True, the born are not moved, the caller draws their states; if False they go on

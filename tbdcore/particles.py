@@ -90,10 +90,9 @@ def systematic_spec(W, M, u):
 @checks.typed
 @kernel
 def systematic(W, M, u):
-    """Systematic resampling: the ancestors (M,), in ascending order.
+    """Systematic resampling: the ancestors (M,), ascending; u : offset in [0, 1), one draw.
 
     W : (N,) weights, finite, none negative, one at least positive; they need not sum to one.
-    M : number of particles wanted; u : offset in [0, 1), one draw.
     """
     total = _total(W)
     if not LEAST <= total <= MOST:
@@ -178,11 +177,10 @@ def copy_particles_spec(r, S, ancestors):
 @checks.typed
 @kernel
 def copy_particles(r, S, ancestors):
-    """Copies of the ancestors (M,): their regimes and states, and what the filter reads of them.
+    """Copies of the ancestors (M,); r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states.
 
-    r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states.  Returns regimes (M,), states (M, d),
-    the number in each regime (3,), and the mean state (d,) of those present, NaN if none is: Miao
-    and Chen's equations (11) and (12).
+    Returns regimes (M,), states (M, d), the number in each regime (3,), and the mean state (d,) of
+    those present, NaN if none is: Miao and Chen's equations (11) and (12).
     """
     if len(S) != r.size:
         raise ValueError("particles: give regimes (N,), states (N, d), ancestors (M,)")
@@ -206,10 +204,7 @@ def copy_particles(r, S, ancestors):
 
 
 def record(H, age, k, sample):
-    """Write what every particle read in frame k, in place, and increase age (N,) by one.
-
-    sample : (s, N), into row k mod window of H (window, s, N).
-    """
+    """Write sample (s, N) of frame k to row k mod window of H; increase age (N,); both in place."""
     if H.ndim != 3 or not len(H) or H.shape[1:] != np.shape(sample) or age.shape != H.shape[2:]:
         raise ValueError("history: give H (window, s, N), age (N,), sample (s, N), window >= 1")
     H[checks.integer("frame k", k, 0) % len(H)] = sample

@@ -100,9 +100,8 @@ def ospa(X, Y, c, p):
         return 0.0 if max(m, n) == 0 else float(c)
     with np.errstate(over="ignore"):
         cost = np.minimum(np.linalg.norm(X[:, None] - Y[None], axis=-1), c) ** p
-    return float(
-        ((cost[linear_sum_assignment(cost)].sum() + c**p * abs(m - n)) / max(m, n)) ** (1 / p)
-    )
+    total = cost[linear_sum_assignment(cost)].sum() + c**p * abs(m - n)
+    return float((total / max(m, n)) ** (1 / p))
 
 
 def ospa_bernoulli(x, existence, truth, c, threshold=0.5):

@@ -38,10 +38,7 @@ HIGH = 1e50  # largest value in a frame, and largest intensity: products stay fi
 
 
 def blob_peak(intensity, blur, delta=1.0):
-    """Amplitude of the blob's centre, delta**2 I / (2 pi blur**2), in the unit of z.
-
-    blur : standard deviation in cells; delta : cell size; intensity : I, at least 0.
-    """
+    """Amplitude of the blob's centre, delta**2 I / (2 pi blur**2), intensity I, cell size delta."""
     checks.number("intensity", intensity, 0.0, HIGH)
     checks.number("blur", blur, 1e-9, 1e9)
     checks.number("delta", delta, 0.0, 1e9)
@@ -51,8 +48,7 @@ def blob_peak(intensity, blur, delta=1.0):
 def blob_image(x, y, peak, blur, shape):
     """Noise-free frames h of a Gaussian blob: (n_x, n_y), or (K, n_x, n_y) for K positions.
 
-    x, y : numbers or (K,), in cells; cell (i, j) is centred at (i, j), i = 1 .. n_x, j = 1 .. n_y.
-        NaN: no target, h = 0.
+    x, y : numbers or (K,), in cells, counted from 1; NaN: no target, h = 0.
     peak : amplitude at the centre; blur : standard deviation in cells; shape : (n_x, n_y).
     """
     checks.number("peak", peak, -HIGH, HIGH)
@@ -411,9 +407,8 @@ def _sum_of_cells(z, top, left, gr, ga):
 def _power_log_ratio(z, rho, alpha, snr, spread):
     """The loop: with s = snr h**2 a cell adds z s / (1 + s) - log(1 + s).
 
-    The sum over the cells of one azimuth is a fraction, num / den with den = prod (1 + s): one
-    division, and for the whole patch, as a rule, one logarithm.  At the frame's edges the window of
-    azimuths is shifted into the frame; its columns outside the patch get h = 0.
+    The sum over the cells of one azimuth is num / den, den = prod (1 + s): one division, and mostly
+    one logarithm a patch.  At an edge the window of azimuths is shifted into the frame, with h = 0.
     """
     (nr, na), (_, _, hr, ha) = z.shape, spread
     w = min(4 * (ha // 2) + 4, na)  # columns in the window: at least 2 ha + 1, a multiple of four
