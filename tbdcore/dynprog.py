@@ -106,11 +106,11 @@ def _one_type(compiled):
 
 
 @kernel
-def _check_weights(weights, size, least):
-    """Raise ValueError unless `size` = 2 d + 1 weights are in [least, inf), the middle one > 0."""
-    if weights.size != size or size % 2 == 0 or not weights[size // 2] > 0:
-        raise ValueError("weights: give 2 d + 1 (3 or 3 x 3) weights, the middle one positive")
-    for w in weights:
+def _check_weights(weights, shape, least):
+    """Raise ValueError unless the odd number of weights is in [least, inf), the middle one > 0."""
+    if weights.shape != shape or weights.size % 2 == 0 or not weights.flat[weights.size // 2] > 0:
+        raise ValueError("weights: give 2 d + 1, (3,) or (3, 3) weights, the middle one positive")
+    for w in weights.flat:
         if not least <= w < np.inf:
             raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
 
@@ -322,7 +322,7 @@ def box_forward(z, position, lowest_velocity, reach, I):
     lowest_velocity : of index 0, cells/frame; reach : width of the margin, at least d + the
         fastest velocity.
     """
-    _check_weights(position, position.size, 0)
+    _check_weights(position, (position.size,), 0)
     _check_room(z, I, position.size // 2, lowest_velocity, reach)
     work = np.empty((3, z.shape[1] * z.shape[2]), I.dtype)
     I[0] = z[0]  # eq. (14): every velocity has the value of the cell
@@ -383,8 +383,8 @@ def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
     Arrays as in :func:`box_forward`; position, velocity : (3,) of the frames' type, 0 for a slack
     left out.  The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
     """
-    _check_weights(position, 3, 0)
-    _check_weights(velocity, 3, 0)
+    _check_weights(position, (3,), 0)
+    _check_weights(velocity, (3,), 0)
     _check_room(z, I, 1, lowest_velocity, reach)
     return _weighted(z, position, velocity, lowest_velocity, reach, I)
 
@@ -440,7 +440,7 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     Arrays as in :func:`box_forward`; table : (3, 3) of the frames' type, position slack first, all
     positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
     """
-    _check_weights(_flat(table), 9, TINY)
+    _check_weights(table, (3, 3), TINY)
     _check_room(z, I, 1, lowest_velocity, reach)
     rows = np.full((I.shape[1], z.shape[1] * z.shape[2]), -np.inf).astype(I.dtype)
     I[0] = z[0]  # eq. (14): every velocity has the value of the cell
@@ -522,8 +522,8 @@ def weighted_path(I, state, position, velocity, lowest_velocity):
     frames; state : (iv, jv, i, j) in frame K, i and j counted with the margin.  Returns states of
     the same form, (K, 4) of int; four times -1 from where no predecessor can be reached.
     """
-    _check_weights(position, position.size, 0)
-    _check_weights(velocity, velocity.size, 0)
+    _check_weights(position, (position.size,), 0)
+    _check_weights(velocity, (velocity.size,), 0)
     position, velocity = position / (position > 0), velocity / (velocity > 0)  # 0 becomes NaN
     return _best_path(I, state, position, velocity.reshape(1, velocity.size), lowest_velocity)
 
@@ -550,5 +550,5 @@ def coupled_path_spec(I, state, table, lowest_velocity):
 @kernel
 def coupled_path(I, state, table, lowest_velocity):
     """The best path that ends in ``state`` under coupled_forward; see :func:`weighted_path`."""
-    _check_weights(_flat(table), 9, TINY)
+    _check_weights(table, (3, 3), TINY)
     return _best_path(I, state, np.ones_like(table[0]), table, lowest_velocity)

@@ -374,7 +374,12 @@ def test_a_final_state_outside_the_maps_is_refused(state):
         dynprog.weighted_path(np.zeros((2, 6, 6, 20, 20)), state, ASIDE, ASIDE, -2)
 
 
-@pytest.mark.parametrize("table", [LITERAL[:2], -LITERAL, LITERAL * np.nan, LITERAL * 0, ASIDE])
+FLAT = [LITERAL.reshape(9, 1), LITERAL.reshape(1, 9)]
+
+
+@pytest.mark.parametrize(
+    "table", [LITERAL[:2], -LITERAL, LITERAL * np.nan, LITERAL * 0, ASIDE, *FLAT]
+)
 def test_a_bad_table_is_refused(table):
     z, I = dynprog.margin(np.zeros((2, 9, 7)), 4), np.zeros((2, 6, 6, 17, 15))
     with pytest.raises(ValueError, match=r"^[^\n]+$"):
@@ -407,6 +412,8 @@ def test_a_margin_that_a_step_could_leave_is_refused():
         dynprog.box_forward(z, np.ones(7), 0, 2, I)
     with pytest.raises(ValueError, match="middle one positive"):
         dynprog.weighted_forward(z, np.ones(5), np.ones(3), 0, 2, I)
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.box_forward(z, np.ones((3, 1)), 0, 2, I)
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (0, 4), (4, 0), (4, 4)])
