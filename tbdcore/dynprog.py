@@ -108,11 +108,14 @@ def _one_type(compiled):
 @kernel
 def _check_weights(weights, shape, least):
     """Raise ValueError unless the odd number of weights is in [least, inf), the middle one > 0."""
-    if weights.shape != shape or weights.size % 2 == 0 or not weights.flat[weights.size // 2] > 0:
+    if (
+        weights.shape != shape
+        or weights.size % 2 == 0
+        or not weights.ravel()[weights.size // 2] > 0
+    ):
         raise ValueError("weights: give 2 d + 1, (3,) or (3, 3) weights, the middle one positive")
-    for w in weights.flat:
-        if not least <= w < np.inf:
-            raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
+    if not least <= weights.min() <= weights.max() < np.inf:
+        raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
 
 
 @kernel

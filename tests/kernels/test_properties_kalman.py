@@ -177,3 +177,12 @@ def test_nonsense_is_refused_in_one_line(function, args, words):
     with pytest.raises(ValueError, match=words) as caught:
         getattr(kalman, function)(*args)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("axis", range(4))
+def test_a_negative_variance_is_refused(axis):
+    C = P.copy()
+    C[axis, axis] = -1e-9
+    for function in (kalman.predict_cv, kalman.gate_polar):
+        with pytest.raises(ValueError, match="negative"):
+            function(X.copy(), C.copy(), 1.0, 1.0)
