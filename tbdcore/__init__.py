@@ -1,14 +1,13 @@
 """The numerical core of five reproduced radar papers.
 
 A notebook under ``notebooks/`` derives one paper and shows its algorithm.  Textbook formulas,
-compiled loops and whatever two notebooks share are here: ``motion`` ``sensor`` ``detection``
+compiled loops and what two notebooks share are here: ``motion`` ``sensor`` ``detection``
 ``particles`` ``kalman`` ``association`` ``dynprog`` ``score``, and ``checks`` for their arguments.
-The core needs numpy, scipy and numba.  The harness around the notebooks is ``tbdcore.repro``; the
-core does not import it, except for ``begin`` and ``page``, which load it when called.
+They need numpy, scipy and numba; ``begin`` and ``page`` load the harness, ``tbdcore.repro``.
 
-``kernel`` is the one decorator of every compiled loop: Numba's ``njit`` with a disk cache and
-NumPy's division.  No ``fastmath``, no threads: a sum has the same bits for every number of workers,
-and on another kind of CPU differs in the last ones at most.
+``kernel`` decorates every compiled loop: Numba's ``njit`` with a disk cache and NumPy's division.
+No ``fastmath``, no threads: a sum has the same bits for every number of workers, and on another
+kind of CPU differs in the last ones at most.
 """
 
 __version__ = "1.0.0"

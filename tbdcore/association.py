@@ -29,9 +29,8 @@ Nothing overflows: weights stay logarithms until the dual variables of the best 
 have been added.  Then every factor is at most one and the best joint event weighs exactly one.
 
 Valid are float arrays with existence and detect in [0, 1] and log ratios of at most 1e9, or -inf;
-the kernels raise ValueError for anything else.  Zero tracks and zero plots are valid.  A certain
-track (existence and detect both 1) must have a plot, or ValueError is raised; a track that is
-impossible after the scan gets existence 0 and beta[t, 0] = 1.
+anything else is a ValueError, and so is a certain track (both 1) without a plot.  Zero tracks and
+zero plots are valid.  A track impossible after the scan gets existence 0 and beta[t, 0] = 1.
 
 References: Musicki, Evans and Stankovic (1994) for IPDA; Musicki and Evans (2004) for JIPDA;
 Musicki and La Scala (2008) for the modulated density.
@@ -61,10 +60,10 @@ def _check(T, existence, detect):
 def gate(z, zhat, S, gamma, p_gate):
     """The plots inside at least one gate, and the log density of each track at these plots.
 
-    ``z`` (M, 2) plots in m, ``zhat`` (T, 2) predicted plots, ``S`` (T, 2, 2) innovation covariances
-    in m^2, ``gamma`` the gate on the squared Mahalanobis distance, ``p_gate`` the probability mass
-    inside it.  Returns ``picked`` (C,), increasing indices into ``z``, and ``log_density`` (T, C),
-    ln of N(z; zhat, S) / p_gate, eq. (21), -inf outside the track's own gate.
+    ``z`` (M, 2) plots in m, ``zhat`` (T, 2) predicted, ``S`` (T, 2, 2) innovation covariances in
+    m^2, ``gamma`` the gate on the squared Mahalanobis distance, ``p_gate`` its probability.  Gives
+    ``picked`` (C,), increasing indices into ``z``, and ``log_density`` (T, C), ln of N(z; zhat, S)
+    / p_gate, eq. (21), -inf outside the track's own gate.
     """
     if z.ndim != 2 or zhat.ndim != 2 or z.shape[1] != 2 or zhat.shape[1] != 2:
         raise ValueError("association.gate: give plots (M, 2) and predictions (T, 2)")
@@ -207,13 +206,12 @@ def visibility(log_ratio, existence, detect):
     if log_ratio.ndim != 2:
         raise ValueError("association: log_ratio has one row per track and one column per plot")
     odds = prior_odds(log_ratio, existence, detect)
-    T, M = odds.shape
-    visible = np.empty((T, M))
-    for m in range(M):
+    visible = np.empty(odds.shape)
+    for m in range(odds.shape[1]):
         total = 1.0
-        for t in range(T):
+        for t in range(len(odds)):
             total += odds[t, m]
-        for t in range(T):
+        for t in range(len(odds)):
             visible[t, m] = (1.0 + odds[t, m]) / total
     return visible
 
@@ -227,10 +225,10 @@ def visibility_spec(log_ratio, existence, detect):
 
 @kernel
 def modulated(log_ratio, existence, detect):
-    """Linear multitarget: log ratios ln p^t - ln Omega^t (T, M), the other tracks in the clutter.
+    """ln p^t - ln Omega^t (T, M), Omega^t(z) = lambda + sum_{j != t} p^j(z) P_m^j / (1 - P_m^j).
 
-    Omega^t(z_m) = lambda + sum_{j != t} p^j(z_m) P_m^j / (1 - P_m^j), Musicki and La Scala (2008),
-    eq. (16), with the prior (12).  ``ipda(modulated(l, P, D), P, D)`` is LM-IPDA.
+    Musicki and La Scala (2008), eq. (16), with the prior (12).  ``ipda(modulated(l, P, D), P, D)``
+    is LM-IPDA.
     """
     if log_ratio.ndim != 2:
         raise ValueError("association: log_ratio has one row per track and one column per plot")
@@ -256,8 +254,7 @@ def _log_density_sum(extra, without):
     """ln(1 + sum of exp(extra) over all entries but one)."""
     top, total = 0.0, 0.0
     for t in range(extra.size):
-        if t != without:
-            top = max(top, extra[t])
+        top = max(top, extra[t]) if t != without else top
     for t in range(extra.size):
         if t != without and extra[t] > -np.inf:
             total += math.exp(extra[t] - top)
@@ -391,11 +388,10 @@ def _subset_marginals(w, miss, idle):
 
 @kernel
 def jipda(log_ratio, existence, detect):
-    """Joint integrated PDA, exact: the marginals over all joint events, without listing one.
+    """Joint integrated PDA, exact: the marginals over all joint events.  As ``ipda``.
 
     An event weighs prod_{t missed} (1 - D^t P^t) prod_{(t, m)} D^t P^t exp(l[t, m]); given a miss
-    the target exists with probability (1 - D) P / (1 - D P).  Arguments and result as ``ipda``.
-    Raises ValueError for more than MAX_TRACKS tracks and for more than 1 GB of partial sums.
+    the target exists with probability (1 - D) P / (1 - D P).  The limits are MAX_TRACKS and 1 GB.
     """
     if log_ratio.ndim != 2:
         raise ValueError("association.jipda: log_ratio has one row per track, one column per plot")

@@ -1,7 +1,6 @@
-"""Checks of what a caller passes: real numbers, their shape, their range.
+"""Checks of what a caller passes: a wrong argument is a ValueError of one line that names it.
 
-A wrong argument is a ValueError of one line that names it.  A compiled loop would read outside its
-arrays, or raise Numba's own error of many lines.
+A compiled loop would read outside its arrays, or raise Numba's own error of many lines.
 """
 
 import functools
@@ -16,8 +15,8 @@ from tbdcore import kernel
 _FLOATS, _INT = (np.dtype(np.float64), np.dtype(np.float32)), np.dtype(np.int64)
 
 
-def typed(compiled):
-    """A kernel whose arguments Python may get wrong: what Numba cannot compile is a ValueError."""
+def typed(compiled, inside=None):
+    """The kernel; what Numba cannot compile is a ValueError.  Other kernels call ``inside``."""
 
     @functools.wraps(compiled.py_func)
     def call(*args):
@@ -27,7 +26,8 @@ def typed(compiled):
             name = f"{call.__module__}.{call.__name__}".removeprefix("tbdcore.")
             raise ValueError(f"{name}: arguments of another type or shape; see help()") from None
 
-    call.py_func, call._numba_type_ = compiled.py_func, typeof(compiled)
+    call.py_func, call.stats = compiled.py_func, compiled.stats
+    call._numba_type_ = typeof(inside or compiled)
     return call
 
 

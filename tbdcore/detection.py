@@ -15,9 +15,8 @@ What remains of the power above the threshold, lambda - eta, is exponential agai
 noise and 1 + S with a target.  It says how much more a plot looks like the target than like a false
 alarm, ``amplitude_ratio``, whatever the threshold and the false-alarm probability were.
 
-Signal-to-noise ratios are linear power ratios here; ``to_db`` and ``from_db`` convert.  The echo
-weakens with the fourth power of the range, ``radar_equation``.  All of these take scalars or arrays
-and raise ValueError for NaN and for values outside the range that they name.
+Signal-to-noise ratios are linear power ratios; ``to_db`` and ``from_db`` convert.  All of these
+take scalars or arrays; NaN and values outside the range that they name are a ValueError.
 
 A tracker looks at the cells inside a gate only, and a gate cuts through cells.  ``false_plot``
 draws the false alarms of such a gate, cell by cell and from one uniform number.
@@ -83,11 +82,10 @@ def amplitude_ratio_spec(excess, snr):
 
 @kernel
 def amplitude_ratio(excess, snr):
-    """ln of the amplitude likelihood ratio p(excess | target) / p(excess | noise), shape (T, M).
+    """ln of p(excess | target) / p(excess | noise), S / (1 + S) excess - ln(1 + S), shape (T, M).
 
-    ``excess`` (M,) is lambda - eta >= 0 of each plot, which for a Rayleigh amplitude a with
-    parameter 1 and its threshold tau is (a**2 - tau**2) / 2; ``snr`` (T,) the mean linear ratio of
-    each track's target.  With S = snr the result is S / (1 + S) excess - ln(1 + S), 0 for S = 0.
+    ``excess`` (M,) is lambda - eta >= 0 of each plot, for a Rayleigh amplitude a with parameter 1
+    and threshold tau (a**2 - tau**2) / 2; ``snr`` S (T,) the mean linear ratio of each target.
     """
     if excess.ndim != 1 or snr.ndim != 1:
         raise ValueError("detection.amplitude_ratio: give excess (M,) and snr (T,)")

@@ -22,13 +22,12 @@ i - v' + m: r is the change of velocity, m the position slack, and the same on t
 ``*_path``                  the best path that ends in one state (eqs. 5, 13, 17, 19)
 
 A maximum over products with positive weights is separable: 81 predecessors cost 6 + 6 operations.
-Where all weights are 1, the maximum over seven neighbours is one over three overlapping maxima over
-three.  An empty maximum is -inf: a state that cannot be reached is -inf.
+An empty maximum is -inf: a state that cannot be reached is -inf.
 
 Frames and value maps have a margin of -inf (``margin``), at least as wide as the longest step.
 Maps have shape (V, V, X, Y) with X = Nx + 2 margins: a step along an axis is a shift of one
-contiguous array.  The value maps of all frames are kept, and the back-trace takes the argmax again,
-multiplying in the order of the forward pass so that both agree to the last bit.  Frames, maps and
+contiguous array.  The maps of all frames are kept, and the back-trace takes the argmax again, in
+the forward pass's order of operations, so that both agree to the last bit.  Frames, maps and
 weights are contiguous arrays of one type, float32 or float64.
 """
 
@@ -40,12 +39,11 @@ from numba.core.errors import NumbaError
 
 from tbdcore import checks, kernel
 
+TINY = np.finfo(np.float32).smallest_subnormal
+
 
 def margin(frames, width):
-    """Frames (K, Nx, Ny) with ``width`` cells of -inf around; cell (i, j) at (i, j) + width.
-
-    Raises ValueError for another shape, for an empty frame and for a cell that is not finite.
-    """
+    """Frames (K, Nx, Ny), all finite, with ``width`` cells of -inf around."""
     frames, width = np.asarray(frames), checks.integer("width", width, 0)
     if frames.ndim != 3 or 0 in frames.shape:
         raise ValueError(f"frames: shape {frames.shape}; stack them to (K, Nx, Ny), none empty")
@@ -61,29 +59,23 @@ def margin(frames, width):
 
 @kernel
 def _surround(frames, width, framed):
-    """Copy frames into ``framed``; return how many cells are not finite.
-
-    x - x is 0 for finite x and NaN otherwise.
-    """
+    """Copy frames into ``framed``; return how many cells are not finite: x - x is then NaN."""
     (K, Nx, Ny), (_, X, Y), flat = frames.shape, framed.shape, framed.reshape(framed.size)
     lost = end = 0
     for k in range(K):
         for i in range(Nx):
             start = (k * X + width + i) * Y + width
-            _fill(flat[end:start], -np.inf)  # the margin between one row of cells and the next
+            flat[end:start] = -np.inf  # the margin between one row of cells and the next
             cells, row, end = frames[k, i], flat[start:], start + Ny
             for j in range(Ny):
                 row[j] = cells[j]
                 lost += cells[j] - cells[j] != 0
-    _fill(flat[end:], -np.inf)
+    flat[end:] = -np.inf
     return lost
 
 
 def check_weights(slack, name="slack"):
-    """Weights of the slacks -d..d as a float64 vector; ValueError unless they are valid.
-
-    Valid are an odd number of finite weights, none negative, the middle one positive.
-    """
+    """Weights of the slacks -d..d, finite, >= 0, the middle one positive, as a float64 vector."""
     slack = checks.reals(name, np.atleast_1d(slack), "2 d + 1").astype(float)
     if slack.size % 2 == 0:
         raise ValueError(f"{name}: {slack.size} weights are an even window; give 2 d + 1, -d..d")
@@ -114,33 +106,24 @@ def _one_type(compiled):
 
 
 @kernel
-def _check_window(weights):
-    """Raise ValueError unless weights (2 d + 1,) are finite, >= 0, positive in the middle."""
-    if weights.size % 2 == 0 or not weights[weights.size // 2] > 0:
-        raise ValueError("weights: give 2 d + 1 weights, the middle one positive")
-    for w in weights:
-        if not 0 <= w < np.inf:
-            raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
+def _check_weights(weights, shape, least):
+    """Raise ValueError unless the odd number of weights is in [least, inf), the middle one > 0."""
+    if (
+        weights.shape != shape
+        or weights.size % 2 == 0
+        or not weights.ravel()[weights.size // 2] > 0
+    ):
+        raise ValueError("weights: give 2 d + 1, (3,) or (3, 3) weights, the middle one positive")
+    if not least <= weights.min() <= weights.max() < np.inf:
+        raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
 
 
 @kernel
-def _check_three(position, velocity):
-    """Raise ValueError unless there are two times three weights or prices, none negative."""
-    if position.size != 3 or velocity.size != 3 or position[1] + velocity[1] == np.inf:
-        raise ValueError("position, velocity: give three weights or prices each, the middle finite")
-    for n in range(3):
-        if not (position[n] >= 0 and velocity[n] >= 0):
-            raise ValueError("position, velocity: a weight or price is negative or NaN")
-
-
-@kernel
-def _check_table(table):
-    """Raise ValueError unless all (3, 3) weights are positive and finite."""
-    if table.shape != (3, 3):
-        raise ValueError("table: give (3, 3) weights, position slack first")
-    for w in table.reshape(9):
-        if not 0 < w < np.inf:
-            raise ValueError("table: weights must be positive and finite")
+def _check_prices(position, velocity):
+    """Raise ValueError unless there are three prices each, the middle one finite."""
+    for price in (position, velocity):
+        if price.size != 3 or not (price.min() >= 0 and price[1] < np.inf):
+            raise ValueError("position, velocity: give three prices each >= 0, the middle finite")
 
 
 @kernel
@@ -240,22 +223,9 @@ def _raise_products(target, source, step, weight):
 
 
 @kernel
-def _add(target, term):
-    for x in range(target.size):
-        target[x] += term[x]
-
-
-@kernel
-def _fill(target, value):
-    for x in range(target.size):
-        target[x] = value
-
-
-@kernel
 def _edge(plane, lo, n):
     """Set all but the n elements from lo on to -inf."""
-    _fill(plane[:lo], -np.inf)
-    _fill(plane[lo + n :], -np.inf)
+    plane[:lo] = plane[lo + n :] = -np.inf
 
 
 @kernel
@@ -296,10 +266,6 @@ def _dense_stage(previous, frame, table, lowest_velocity, out, combine):
     out += frame
 
 
-def _nan_where_zero(table):
-    return np.where(table > 0, table, np.nan)
-
-
 def _candidates(previous, state, table, lowest_velocity, combine):
     """Values and states of all predecessors of one state inside the map."""
     n, s, m, r = np.indices(table.shape * 2).reshape(4, -1)
@@ -309,37 +275,22 @@ def _candidates(previous, state, table, lowest_velocity, combine):
     states = np.stack((u, w, x, y), axis=1)
     keep = ((states >= 0) & (states < previous.shape)).all(axis=1)
     n, s, m, r, states = n[keep], s[keep], m[keep], r[keep], states[keep]
-    return combine(combine(previous[*states.T], table[n, s]), table[m, r]), states
-
-
-def _best_of(values, states):
-    """State of the largest value, or four times -1 when there is none."""
-    values = np.where(np.isnan(values), -np.inf, values)
-    if not values.size or values.max() == -np.inf:
-        return -1, -1, -1, -1
-    return tuple(int(index) for index in states[values.argmax()])
+    values = combine(combine(previous[*states.T], table[n, s]), table[m, r])
+    return np.nan_to_num(values, nan=-np.inf, posinf=np.inf, neginf=-np.inf), states
 
 
 def _path_of(I, state, table, lowest_velocity, combine):
     """Best path to a state; four times -1 from where no predecessor can be reached."""
     path = [state]
     for previous in I[-2::-1]:
-        if state[0] >= 0:
-            state = _best_of(*_candidates(previous, state, table, lowest_velocity, combine))
+        values, states = _candidates(previous, state, table, lowest_velocity, combine)
+        reached = state[0] >= 0 and values.max(initial=-np.inf) > -np.inf
+        state = tuple(states[values.argmax()].tolist()) if reached else (-1, -1, -1, -1)
         path.append(state)
     return np.array(path[::-1])
 
 
 # Forward pass
-
-
-@kernel
-def _start(z, I):
-    """Eq. (14): the value of every velocity is that of the cell."""
-    first, frame = I[0].reshape(I.shape[1] * I.shape[2], z[0].size), z[0].reshape(z[0].size)
-    for v in range(first.shape[0]):
-        for x in range(frame.size):
-            first[v, x] = frame[x]
 
 
 @kernel
@@ -374,10 +325,10 @@ def box_forward(z, position, lowest_velocity, reach, I):
     lowest_velocity : of index 0, cells/frame; reach : width of the margin, at least d + the
         fastest velocity.
     """
-    _check_window(position)
+    _check_weights(position, (position.size,), 0)
     _check_room(z, I, position.size // 2, lowest_velocity, reach)
     work = np.empty((3, z.shape[1] * z.shape[2]), I.dtype)
-    _start(z, I)
+    I[0] = z[0]  # eq. (14): every velocity has the value of the cell
     for k in range(1, len(z)):
         _box_stage(I[k - 1], z[k], position, lowest_velocity, reach, I[k], work)
     return I
@@ -389,17 +340,14 @@ def _flat(a):
 
 
 def _extended(best):
-    """The loops of a family, axis by axis: the best slack of each velocity, then its best change.
-
-    best : :func:`_best_product` or :func:`_best_difference`.
-    """
+    """The loops of a family: on each axis the best slack of each velocity, then its best change."""
 
     @kernel
     def forward(z, position, velocity, lowest, reach, I):
         V, size, Y = I.shape[1], z[0].size, z.shape[2]
         lo, n = reach * Y, size - 2 * reach * Y
         rows = np.full((V + 2, n), -np.inf).astype(I.dtype)  # velocity v in row v + 1
-        _start(z, I)
+        I[0] = z[0]  # eq. (14): every velocity has the value of the cell
         for k in range(1, len(z)):
             old, new = _flat(I[k - 1]), _flat(I[k])
             for plane in range(V * V):
@@ -410,9 +358,10 @@ def _extended(best):
                         source = old[start + v * along - (lowest + v + 1) * step :]
                         best(rows[v + 1], source, step, position)
                     for v in range(V):
-                        best(new[start + v * along :][:n], _flat(rows)[v * n :], n, velocity)
+                        target = new[start + v * along :][:n]
+                        best(target, _flat(rows)[v * n :], n, velocity)
                         if step > 1:
-                            _add(new[start + v * along :][:n], _flat(z[k])[lo:])
+                            target += _flat(z[k])[lo:][:n]
                 old = new
         return I
 
@@ -424,7 +373,8 @@ _weighted, _penalised = _extended(_best_product), _extended(_best_difference)
 
 def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I):
     """Specification of :func:`weighted_forward`: all 81 predecessors of every state."""
-    table = _nan_where_zero(np.outer(position, velocity))
+    table = np.outer(position, velocity)
+    table[table == 0] = np.nan
     return _dense(z, table, lowest_velocity, I, np.multiply)
 
 
@@ -436,9 +386,8 @@ def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
     Arrays as in :func:`box_forward`; position, velocity : (3,) of the frames' type, 0 for a slack
     left out.  The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
     """
-    _check_three(position, velocity)
-    _check_window(position)
-    _check_window(velocity)
+    _check_weights(position, (3,), 0)
+    _check_weights(velocity, (3,), 0)
     _check_room(z, I, 1, lowest_velocity, reach)
     return _weighted(z, position, velocity, lowest_velocity, reach, I)
 
@@ -456,7 +405,7 @@ def penalised_forward(z, position, velocity, lowest_velocity, reach, I):
     Not in the paper.  position, velocity : (3,) prices, inf for a slack left out.  A price of
     lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
-    _check_three(position, velocity)
+    _check_prices(position, velocity)
     _check_room(z, I, 1, lowest_velocity, reach)
     return _penalised(z, position, velocity, lowest_velocity, reach, I)
 
@@ -468,17 +417,17 @@ def _coupled_stage(previous, frame, table, lowest, reach, out, rows):
     z, planes = frame.reshape(size), out.reshape(V, V, size)
     for jv in range(V):
         for u in range(V):
-            _fill(rows[u, lo:][:n], -np.inf)
+            rows[u, lo:][:n] = -np.inf
             for w in range(max(jv - 1, 0), min(jv + 2, V)):
                 source = previous[u, w].reshape(size)[lo - lowest - w - 1 :]
                 _raise_products(rows[u, lo:][:n], source, 1, table[:, w - jv + 1])
         for iv in range(V):
             target = planes[iv, jv, lo:][:n]
-            _fill(planes[iv, jv], -np.inf)
+            planes[iv, jv] = -np.inf
             for u in range(max(iv - 1, 0), min(iv + 2, V)):
                 source = rows[u, lo - (lowest + u + 1) * Y :]
                 _raise_products(target, source, Y, table[:, u - iv + 1])
-            _add(target, z[lo:])
+            target += z[lo:][:n]
 
 
 def coupled_forward_spec(z, table, lowest_velocity, reach, I):
@@ -494,11 +443,10 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     Arrays as in :func:`box_forward`; table : (3, 3) of the frames' type, position slack first, all
     positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
     """
-    _check_table(table)
+    _check_weights(table, (3, 3), TINY)
     _check_room(z, I, 1, lowest_velocity, reach)
-    rows = np.empty((I.shape[1], z.shape[1] * z.shape[2]), I.dtype)
-    _fill(_flat(rows), -np.inf)
-    _start(z, I)
+    rows = np.full((I.shape[1], z.shape[1] * z.shape[2]), -np.inf).astype(I.dtype)
+    I[0] = z[0]  # eq. (14): every velocity has the value of the cell
     for k in range(1, len(z)):
         _coupled_stage(I[k - 1], z[k], table, lowest_velocity, reach, I[k], rows)
     return I
@@ -509,7 +457,7 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
 
 @kernel
 def _times(weight, value):
-    return weight * value if weight > 0 else -np.inf
+    return weight * value
 
 
 @kernel
@@ -518,14 +466,13 @@ def _less(price, value):
 
 
 def _trace(apply):
-    """The back-trace of a family: apply is :func:`_times`, or :func:`_less` for prices."""
+    """The back-trace of a family: apply multiplies by a weight, or subtracts a price."""
 
     @kernel
     def predecessor(previous, state, position, table, lowest):
-        """Predecessor of largest value, in the forward pass's order; the first one wins a tie.
+        """Predecessor of largest value; the first one wins a tie, and NaN never wins.
 
-        position : (2 d + 1,) weights of the position slacks; table : of the velocity changes, one
-        row for each slack or one for all.
+        table : weights of the velocity changes, one row for each position slack or one for all.
         """
         (V, _, X, Y), d, c = previous.shape, position.size // 2, table.shape[1] // 2
         each = min(len(table) - 1, 1)  # 0: one row for all slacks
@@ -564,7 +511,8 @@ _best_path, _cheapest_path = _trace(_times), _trace(_less)
 
 def weighted_path_spec(I, state, position, velocity, lowest_velocity):
     """Specification of :func:`weighted_path`: argmax over all predecessors, frame by frame."""
-    table = _nan_where_zero(np.outer(position, velocity))
+    table = np.outer(position, velocity)
+    table[table == 0] = np.nan
     return _path_of(I, state, table, lowest_velocity, np.multiply)
 
 
@@ -577,8 +525,9 @@ def weighted_path(I, state, position, velocity, lowest_velocity):
     frames; state : (iv, jv, i, j) in frame K, i and j counted with the margin.  Returns states of
     the same form, (K, 4) of int; four times -1 from where no predecessor can be reached.
     """
-    _check_window(position)
-    _check_window(velocity)
+    _check_weights(position, (position.size,), 0)
+    _check_weights(velocity, (velocity.size,), 0)
+    position, velocity = position / (position > 0), velocity / (velocity > 0)  # 0 becomes NaN
     return _best_path(I, state, position, velocity.reshape(1, velocity.size), lowest_velocity)
 
 
@@ -591,7 +540,7 @@ def penalised_path_spec(I, state, position, velocity, lowest_velocity):
 @kernel
 def penalised_path(I, state, position, velocity, lowest_velocity):
     """The best path that ends in ``state`` under penalised_forward; see :func:`weighted_path`."""
-    _check_three(position, velocity)
+    _check_prices(position, velocity)
     return _cheapest_path(I, state, position, velocity.reshape(1, 3), lowest_velocity)
 
 
@@ -604,5 +553,5 @@ def coupled_path_spec(I, state, table, lowest_velocity):
 @kernel
 def coupled_path(I, state, table, lowest_velocity):
     """The best path that ends in ``state`` under coupled_forward; see :func:`weighted_path`."""
-    _check_table(table)
+    _check_weights(table, (3, 3), TINY)
     return _best_path(I, state, np.ones_like(table[0]), table, lowest_velocity)

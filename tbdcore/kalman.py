@@ -9,21 +9,19 @@ origin.  One scan is
     D = H P H' + R                                    ``innovation_covariance``
     x, P = update(x, P, z - zhat, H, R)               after ``residual`` has wrapped the azimuth
 
-and these five functions take one track or any stack of tracks on leading axes.  A rectangular gate
-has the half widths g sqrt(D_jj) (``gate_half_widths``) and a size in m rad (``gate_volume``);
-``mahalanobis`` is the distance of an elliptic gate, y' D**-1 y <= gamma.
+and these five functions take one track or any stack of tracks on leading axes, as do the gates:
+``gate_half_widths`` and ``gate_volume`` of a rectangle, ``mahalanobis`` of an ellipse.
 
 ``two_point``, ``predict_cv``, ``gate_polar`` and ``update_polar`` are the same step compiled: for
-one track, in place, with the zeros of F and H left out, for loops over the frames of a trial.
-Their specifications are the dense formulas above.
+one track, in place, with the zeros of F and H left out.  Called from another kernel, the last three
+check nothing, which would double their time.  Their specifications are the formulas above.
 
 A plot in metres is a linear measurement of the position, whose noise depends on where the target
 is: ``gate_tracks`` evaluates it at the predicted positions of several tracks.  ``predict_tracks``
 and ``update_mixture`` take the same tracks through a scan whose plots carry association weights.
 
 All functions raise ValueError for NaN and infinity, for an innovation covariance that is not
-positive definite, and for a target at the radar, where azimuth has no meaning.  Inside a kernel
-``predict_cv``, ``gate_polar`` and ``update_polar`` check nothing.
+positive definite, and for a target at the radar, where azimuth has no meaning.
 
 The covariance mixes metres, metres per second and ellipses a thousand times longer than wide;
 ``update`` therefore uses Joseph's form, and the compiled one symmetrises by construction.  Start a
@@ -31,11 +29,10 @@ track from two plots (``two_point``): after one plot the prediction may be kilom
 line of sight, and an error e there makes the linearisation err in range by e**2 / 2 r.
 """
 
-import functools
 import math
 
 import numpy as np
-from numba import typeof
+from numba import literal_unroll
 
 from tbdcore import checks, kernel
 
@@ -43,9 +40,8 @@ from tbdcore import checks, kernel
 def _finite(where, *arrays):
     """The arrays as floats; ValueError where one has a NaN or an infinity."""
     arrays = [np.asarray(a, float) for a in arrays]
-    for a in arrays:
-        if not np.isfinite(a).all():
-            raise ValueError(f"kalman.{where}: an argument or the result is NaN or infinite")
+    if not all(np.isfinite(a).all() for a in arrays):
+        raise ValueError(f"kalman.{where}: an argument or the result is NaN or infinite")
     return arrays
 
 
@@ -137,10 +133,7 @@ def gate_volume(g, D):
 
 
 def polar_noise(z, R):
-    """Covariance (2, 2) in m^2 of a plot z = (range, azimuth) with errors of covariance R (2, 2).
-
-    To first order in the errors: J R J' with the Jacobian J of :func:`cartesian`.
-    """
+    """First-order covariance (2, 2) in m^2 of a plot z = (range, azimuth) with that of errors R."""
     z, R = _finite("polar_noise", z, R)
     c, s = math.cos(z[1]), math.sin(z[1])
     J = np.array([[c, -z[0] * s], [s, z[0] * c]])
@@ -156,31 +149,26 @@ def _rotated(u, v, n, along, across):
     return xx / n, (along - across) * u * v / n, yy / n
 
 
-def _checked(compiled):
-    """Let a kernel of one track check its arguments and its result when Python calls it.
+@kernel
+def _finite_parts(parts):
+    """The tuple of numbers and arrays; ValueError where one has a NaN or an infinity."""
+    total = 0.0
+    for part in literal_unroll(parts):
+        total += np.asarray(part).sum()
+    if not abs(total) < np.inf:
+        raise ValueError("kalman: an argument or the result is NaN or infinite; is r = 0?")
+    return parts
 
-    Inside a kernel the compiled function is called as it is: there a check would double its time.
-    """
-    where = f"kalman.{compiled.__name__}"
 
-    @functools.wraps(compiled.py_func)
-    def call(x, P, *numbers):
-        for a, shape in ((x, (4,)), (P, (4, 4))):
-            if not isinstance(a, np.ndarray) or a.dtype.char not in "fd" or a.shape != shape:
-                raise ValueError(f"{where}: give float arrays, state (4,), covariance (4, 4)")
-        for value in numbers:
-            checks.number(where, value, -1e300, 1e300)
-        _all_finite(x[None], P[None])
-        if min(P[0, 0], P[1, 1], P[2, 2], P[3, 3], *numbers[-2:]) < 0:
-            raise ValueError(f"{where}: a variance or the time T is negative; correct it")
-        result = compiled(x, P, *map(float, numbers))
-        _all_finite(x[None], P[None])
-        if len(result) > 2 and not math.isfinite(sum(result)):
-            raise ValueError(f"{where}: the result is NaN or infinite; is the target at the radar?")
-        return result
-
-    call.py_func, call.stats, call._numba_type_ = compiled.py_func, compiled.stats, typeof(compiled)
-    return call
+@kernel
+def _check_step(x, P, numbers):
+    """Raise ValueError unless all are finite, and variances and the last two numbers >= 0."""
+    np.finfo(x.dtype), np.finfo(P.dtype)  # does not compile for integers
+    if x.shape != (4,) or P.shape != (4, 4):
+        raise ValueError("kalman: give float arrays, state (4,), covariance (4, 4)")
+    _finite_parts((x, P, *numbers))
+    if min(P[0, 0], P[1, 1], P[2, 2], P[3, 3], numbers[-2], numbers[-1]) < 0:
+        raise ValueError("kalman: a variance or the time T is negative; correct it")
 
 
 def two_point_spec(z1, z2, var1, var2, T):
@@ -225,13 +213,8 @@ def predict_cv_spec(x, P, T, q):
     return predict(x, P, F, Q)
 
 
-@_checked
 @kernel
-def predict_cv(x, P, T, q):
-    """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
-
-    q >= 0 is the power density of the white acceleration on each axis, in m^2/s^3.
-    """
+def _predict_cv(x, P, T, q):
     x[0] += T * x[1]
     x[2] += T * x[3]
     for a in range(0, 4, 2):
@@ -250,19 +233,28 @@ def predict_cv(x, P, T, q):
     return x, P
 
 
+@kernel
+def predict_cv(x, P, T, q):
+    """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
+
+    q >= 0 is the power density of the white acceleration on each axis, in m^2/s^3.
+    """
+    numbers = float(T), float(q)
+    _check_step(x, P, numbers)
+    return _finite_parts(_predict_cv(x, P, *numbers))
+
+
+predict_cv = checks.typed(predict_cv, _predict_cv)
+
+
 def gate_polar_spec(x, P, var_r, var_a):
     """:func:`gate_polar` with matrices."""
     D = innovation_covariance(P, polar_jacobian(x), np.diag([var_r, var_a]))
     return (*polar(x), D[0, 0], D[0, 1], D[1, 1])
 
 
-@_checked
 @kernel
-def gate_polar(x, P, var_r, var_a):
-    """Predicted plot and its covariance: (range, azimuth, D_11, D_12, D_22).
-
-    ``x`` (4,), ``P`` (4, 4), plot variances ``var_r`` in m^2 and ``var_a`` in rad^2.
-    """
+def _gate_polar(x, P, var_r, var_a):
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
     D11 = c * c * P[0, 0] + 2 * c * s * P[0, 2] + s * s * P[2, 2] + var_r
@@ -271,19 +263,24 @@ def gate_polar(x, P, var_r, var_a):
     return r, math.atan2(x[2], x[0]), D11, D12, D22
 
 
+@kernel
+def gate_polar(x, P, var_r, var_a):
+    """(range, azimuth, D_11, D_12, D_22) of x (4,), P (4, 4), var_r in m^2 and var_a in rad^2."""
+    numbers = float(var_r), float(var_a)
+    _check_step(x, P, numbers)
+    return _finite_parts(_gate_polar(x, P, *numbers))
+
+
+gate_polar = checks.typed(gate_polar, _gate_polar)
+
+
 def update_polar_spec(x, P, y_r, y_a, var_r, var_a):
     """:func:`update_polar` with matrices, not in place."""
     return update(x, P, np.array([y_r, y_a]), polar_jacobian(x), np.diag([var_r, var_a]))
 
 
-@_checked
 @kernel
-def update_polar(x, P, y_r, y_a, var_r, var_a):
-    """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
-
-    Range and azimuth errors are independent, with variances var_r and var_a: two scalar updates,
-    one after the other, need no matrix inverse.
-    """
+def _update_polar(x, P, y_r, y_a, var_r, var_a):
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
     moved = 0.0  # what the range has already moved the predicted azimuth
@@ -308,14 +305,17 @@ def update_polar(x, P, y_r, y_a, var_r, var_a):
 
 
 @kernel
-def _all_finite(mean, cov):
-    """Raise ValueError where means (T, 4) or covariances (T, 4, 4) have a NaN or an infinity."""
-    for t in range(len(mean)):
-        total = 0.0
-        for i in range(4):
-            total += mean[t, i] + cov[t, i, 0] + cov[t, i, 1] + cov[t, i, 2] + cov[t, i, 3]
-        if not abs(total) < np.inf:
-            raise ValueError("kalman: a state, a covariance or a plot is NaN or infinite")
+def update_polar(x, P, y_r, y_a, var_r, var_a):
+    """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
+
+    Errors are independent, with variances var_r and var_a: two scalar updates, no matrix inverse.
+    """
+    numbers = float(y_r), float(y_a), float(var_r), float(var_a)
+    _check_step(x, P, numbers)
+    return _finite_parts(_update_polar(x, P, *numbers))
+
+
+update_polar = checks.typed(update_polar, _update_polar)
 
 
 def predict_tracks_spec(x, P, F, Q):
@@ -344,8 +344,7 @@ def predict_tracks(x, P, F, Q):
                 cov[t, i, j] = Q[i, j]
                 for l in range(4):
                     cov[t, i, j] += FP[i, l] * F[t, j, l]
-    _all_finite(mean, cov)
-    return mean, cov
+    return _finite_parts((mean, cov))
 
 
 def gate_tracks_spec(x, P, var_r, var_a):
@@ -417,11 +416,9 @@ def update_mixture(x, P, D, z, beta):
             y0, y1 = y0 + b * e0, y1 + b * e1
             s00, s01, s11 = s00 + b * e0 * e0, s01 + b * e0 * e1, s11 + b * e1 * e1
         hit = 1.0 - beta[t, 0]
-        s00, s01, s11 = (
-            s00 - y0 * y0 - hit * D[t, 0, 0],
-            s01 - y0 * y1 - hit * D[t, 0, 1],
-            s11 - y1 * y1 - hit * D[t, 1, 1],
-        )
+        s00 = s00 - y0 * y0 - hit * D[t, 0, 0]
+        s01 = s01 - y0 * y1 - hit * D[t, 0, 1]
+        s11 = s11 - y1 * y1 - hit * D[t, 1, 1]
         for i in range(4):
             K[i, 0] = (P[t, i, 0] * D[t, 1, 1] - P[t, i, 2] * D[t, 0, 1]) / det
             K[i, 1] = (P[t, i, 2] * D[t, 0, 0] - P[t, i, 0] * D[t, 0, 1]) / det
@@ -430,8 +427,7 @@ def update_mixture(x, P, D, z, beta):
             g0, g1 = K[i, 0] * s00 + K[i, 1] * s01, K[i, 0] * s01 + K[i, 1] * s11
             for j in range(i, 4):
                 cov[t, i, j] = cov[t, j, i] = P[t, i, j] + g0 * K[j, 0] + g1 * K[j, 1]
-    _all_finite(mean, cov)
-    return mean, cov
+    return _finite_parts((mean, cov))
 
 
 def position_bound(F, R, P, p_detect):

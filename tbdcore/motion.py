@@ -14,12 +14,11 @@ the chord f = T sin(h) / h, which tends to T, the same two entries are
 
     sin(omega T) / omega = f cos(h),        (1 - cos(omega T)) / omega = f sin(h).
 
-**Regimes.**  Whether there is a target and which law it follows is a Markov chain over a few
-regimes, one row of ``Pi`` per regime it comes from.  ``transition`` moves many particles in one
-pass, first the regime, by one uniform draw each, then the state by that regime: 0 absent (the state
-has no meaning and is left alone), 1 constant velocity, 2 coordinated turn with the particle's own
-turn rate.  It takes the draws as arrays.  ``box_states`` makes states from draws where the law of a
-birth is a box in position and velocity.
+**Regimes.**  Whether there is a target and which law it follows is a Markov chain, one row of
+``Pi`` per regime it comes from.  ``transition`` moves many particles in one pass, first the regime,
+by one uniform draw each, then the state by that regime: 0 absent (the state is left alone), 1
+constant velocity, 2 coordinated turn with the particle's own rate.  ``box_states`` makes states
+from draws where the law of a birth is a box in position and velocity.
 """
 
 import math
@@ -29,8 +28,6 @@ import numpy as np
 from tbdcore import checks, kernel
 
 LARGE = 1e50  # largest time, rate or acceleration: products stay finite
-
-# Straight and white -------------------------------------------------------------------------------
 
 
 def cv(T):
@@ -54,9 +51,6 @@ def step_acceleration(T, a):
     return a**2 * np.kron(np.eye(2), np.outer(g, g))
 
 
-# Coordinated turn ---------------------------------------------------------------------------------
-
-
 def coordinated_turn(omega, T):
     """Transition matrix (4, 4) of a turn at omega rad/s for T seconds; exact at omega = 0."""
     checks.number("coordinated_turn: omega", omega, -LARGE, LARGE)
@@ -66,9 +60,6 @@ def coordinated_turn(omega, T):
     a, b = f * math.cos(h), f * math.sin(h)
     c, s = math.cos(2 * h), math.sin(2 * h)
     return np.array([[1.0, a, 0.0, -b], [0.0, c, 0.0, -s], [0.0, b, 1.0, a], [0.0, s, 0.0, c]])
-
-
-# Regimes ------------------------------------------------------------------------------------------
 
 
 def check_transitions(Pi):
@@ -146,12 +137,9 @@ def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
 def transition(r, S, Pi, T, u, a, omegas, redraw):
     """One frame of the chain and of the motion: regimes (N,), indices of the born (B,), states.
 
-    r : (N,) int64 regimes: 0 absent, 1 constant velocity, 2 coordinated turn
-    S : (N, 5) states [x, vx, y, vy, omega], moved **in place**
-    Pi : (3, 3) transition probabilities, rows from
-    T : seconds
-    u : (N,) uniform draws in [0, 1), one for each regime
-    a : (N, 2) accelerations, constant during the step
+    r : (N,) int64 regimes; S : (N, 5) states [x, vx, y, vy, omega], moved **in place**
+    Pi : (3, 3) transition probabilities, rows from; T : seconds
+    u : (N,) uniform draws in [0, 1); a : (N, 2) accelerations, constant during the step
     omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2, from the
         rest of the draw that chose the turn; or (0, 2) to keep the rate
     redraw : if True, the born are not moved, the caller draws their states; if False they go on

@@ -1,7 +1,7 @@
 """Particles: weights on the log scale, resampling, and the probability of existence.
 
-A filter carries ``N`` particles: states ``S`` of shape (N, d) and one log-weight ``lw[n]`` each,
-because one frame can be worth a factor e**30 and forty frames in a row overflow a float.
+A filter carries ``N`` particles: states ``S`` (N, d) and one log-weight ``lw[n]`` each, because one
+frame can be worth a factor e**30 and forty frames in a row overflow a float.
 
 ==============================  ==================================================================
 ``normalise(lw)``               the weights ``W``, which sum to one, and the log of the mean weight
@@ -90,10 +90,9 @@ def systematic_spec(W, M, u):
 @checks.typed
 @kernel
 def systematic(W, M, u):
-    """Systematic resampling: the ancestors (M,), in ascending order.
+    """Systematic resampling: the ancestors (M,), ascending; u : offset in [0, 1), one draw.
 
     W : (N,) weights, finite, none negative, one at least positive; they need not sum to one.
-    M : number of particles wanted; u : offset in [0, 1), one draw.
     """
     total = _total(W)
     if not LEAST <= total <= MOST:
@@ -112,10 +111,7 @@ def _total(W):
 
 @kernel
 def _arrows(W, total, M, u):
-    """The ancestors of :func:`systematic`, given the sum of the weights.
-
-    The ancestor of an arrow is the number of particles whose end, the cumulative sum, is before it.
-    """
+    """Ancestor of each arrow: the number of particles whose end, the cumulative sum, is before."""
     if not (M >= 0 and 0.0 <= u < 1.0):
         raise ValueError("resampling: M is negative, or the offset u is not in [0, 1)")
     last = W.size - 1
@@ -152,9 +148,8 @@ def resample_spec(lw, M, u):
 def resample(lw, M, u):
     """Systematic resampling from log-weights lw (N,), M and u as in :func:`systematic`.
 
-    Returns ancestors (M,), ascending; effective size; number of different ancestors.  The weights
-    stay un-normalised, which changes neither result.  Absent particles have a log-weight of exactly
-    0, whose exponential is taken once.
+    Returns ancestors (M,), ascending; effective size; number of different ancestors.  Absent
+    particles have a log-weight of exactly 0, whose exponential is taken once.
     """
     top = lw.max() if lw.size else -np.inf
     W, zero = np.empty(lw.size), math.exp(-top)
@@ -182,11 +177,10 @@ def copy_particles_spec(r, S, ancestors):
 @checks.typed
 @kernel
 def copy_particles(r, S, ancestors):
-    """Copies of the ancestors (M,): their regimes and states, and what the filter reads of them.
+    """Copies of the ancestors (M,); r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states.
 
-    r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states.  Returns regimes (M,), states (M, d),
-    the number in each regime (3,), and the mean state (d,) of those present, NaN if none is: Miao
-    and Chen's equations (11) and (12).
+    Returns regimes (M,), states (M, d), the number in each regime (3,), and the mean state (d,) of
+    those present, NaN if none is: Miao and Chen's equations (11) and (12).
     """
     if len(S) != r.size:
         raise ValueError("particles: give regimes (N,), states (N, d), ancestors (M,)")
@@ -205,18 +199,12 @@ def copy_particles(r, S, ancestors):
     return regimes, states, counts, total / (M - counts[0])
 
 
-# Ancestors' history
-#
-# What was read along a particle's past in the last `window` frames is kept in H (window, s, N), s
-# samples a frame.  Frame k stands in row k mod window, whatever the age of the particle, so that a
-# frame is written in one piece and only the particles move in resampling.
+# Ancestors' history: what was read along a particle's past in the last `window` frames, in
+# H (window, s, N), s samples a frame.  Frame k is in row k mod window, whatever a particle's age.
 
 
 def record(H, age, k, sample):
-    """Write what every particle read in frame k, in place, and increase age (N,) by one.
-
-    sample : (s, N), into row k mod window of H (window, s, N).
-    """
+    """Write sample (s, N) of frame k to row k mod window of H; increase age (N,); both in place."""
     if H.ndim != 3 or not len(H) or H.shape[1:] != np.shape(sample) or age.shape != H.shape[2:]:
         raise ValueError("history: give H (window, s, N), age (N,), sample (s, N), window >= 1")
     H[checks.integer("frame k", k, 0) % len(H)] = sample

@@ -22,10 +22,10 @@ Z99 = 2.5758293035489004  # half width of a 99 % normal interval
 
 
 def _counts(k, n):
-    """k and n as floats; ValueError unless 0 <= k <= n."""
+    """k and n as floats; ValueError unless 0 <= k <= n and n is a whole number."""
     k, n = np.asarray(k, float), np.asarray(n, float)
-    if not ((k >= 0) & (k <= n) & (n < np.inf)).all():
-        raise ValueError("score: successes k and trials n must satisfy 0 <= k <= n; correct them")
+    if not ((k >= 0) & (k <= n) & (n < np.inf) & (n == np.floor(n))).all():
+        raise ValueError("score: give successes 0 <= k <= n of n trials, a whole number")
     return k, n
 
 
@@ -35,8 +35,8 @@ def proportion(k, n):
     The error is that of the share (k + 1/2) / (n + 1), which is never 0 or 1.
     """
     k, n = _counts(k, n)
+    share = (k + 0.5) / (n + 1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = (k + 0.5) / (n + 1)
         return np.where(n > 0, k / n, np.nan), np.sqrt(share * (1 - share) / n)
 
 
@@ -100,9 +100,8 @@ def ospa(X, Y, c, p):
         return 0.0 if max(m, n) == 0 else float(c)
     with np.errstate(over="ignore"):
         cost = np.minimum(np.linalg.norm(X[:, None] - Y[None], axis=-1), c) ** p
-    return float(
-        ((cost[linear_sum_assignment(cost)].sum() + c**p * abs(m - n)) / max(m, n)) ** (1 / p)
-    )
+    total = cost[linear_sum_assignment(cost)].sum() + c**p * abs(m - n)
+    return float((total / max(m, n)) ** (1 / p))
 
 
 def ospa_bernoulli(x, existence, truth, c, threshold=0.5):
@@ -124,9 +123,6 @@ def ospa_bernoulli(x, existence, truth, c, threshold=0.5):
     return np.where(declared & present, distance, np.where(declared | present, float(c), 0.0))
 
 
-# Tracks that may be lost --------------------------------------------------------------------------
-
-
 def loss_onsets(error, distance, scans, after=0):
     """Scan index at which a track is lost, shape (..., T); the number of scans K where it never is.
 
@@ -146,11 +142,10 @@ def loss_onsets(error, distance, scans, after=0):
 
 
 def kept_rmse(error, kept):
-    """RMSE by scan, track and axis over the trials that kept a track, and its influences.
+    """RMSE (K, T, 2) over the trials that kept a track, NaN without one, and its influences.
 
-    `error` (n, K, T, 2), `kept` (n, T) bool.  Returns the RMSE (K, T, 2), NaN where no trial is
-    kept, and the influence (n, K, T, 2) of each trial on it: their standard deviation over sqrt(n)
-    is the standard error, also of means and of paired differences.
+    `error` (n, K, T, 2), `kept` (n, T) bool.  The influence (n, K, T, 2) is that of each trial: its
+    standard deviation over sqrt(n) is the standard error, also of means and paired differences.
     """
     if np.ndim(error) != 4 or kept.shape != (len(error), error.shape[2]) or not len(error):
         raise ValueError("score.kept_rmse: give errors (n, K, T, 2) and kept (n, T)")
@@ -166,9 +161,6 @@ def influence_error(influence):
     if not len(influence):
         raise ValueError("score.influence_error: no trial; give at least one")
     return np.std(influence, axis=0) / math.sqrt(len(influence))
-
-
-# A column of a table -----------------------------------------------------------------------------
 
 
 class Column(NamedTuple):

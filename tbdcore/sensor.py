@@ -13,10 +13,9 @@ Range and azimuth  power of a Gaussian blob, amplitude unknown    exponential po
 =================  =============================================  ==================================
 
 Each section has a simulated frame and the log-likelihood ratio of "target at this state" against
-"noise only".  Cells are independent, and a cell that the target does not reach has the same factor
-under both hypotheses: the ratio is a product over a patch around the target.  A target outside the
-frame reaches no cell: the log-ratio is 0.  All functions raise ValueError for NaN, for shapes that
-do not fit and for values out of range.
+"noise only".  Cells are independent, and one that the target does not reach has the same factor
+under both hypotheses: the ratio is a product over a patch around the target, 1 outside the frame.
+NaN, shapes that do not fit and values out of range are a ValueError.
 
 For a known signal h and normal noise the log-ratio of one cell is h (2 z - h) / (2 sigma**2).
 Summed over the patch it is normal too, with mean +d**2/2 if the target is there and -d**2/2 if not,
@@ -24,6 +23,7 @@ and variance d**2, where d**2 = sum h**2 / sigma**2 is the energy that a matched
 """
 
 import math
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -38,10 +38,7 @@ HIGH = 1e50  # largest value in a frame, and largest intensity: products stay fi
 
 
 def blob_peak(intensity, blur, delta=1.0):
-    """Amplitude of the blob's centre, delta**2 I / (2 pi blur**2), in the unit of z.
-
-    blur : standard deviation in cells; delta : cell size; intensity : I, at least 0.
-    """
+    """Amplitude of the blob's centre, delta**2 I / (2 pi blur**2), intensity I, cell size delta."""
     checks.number("intensity", intensity, 0.0, HIGH)
     checks.number("blur", blur, 1e-9, 1e9)
     checks.number("delta", delta, 0.0, 1e9)
@@ -51,8 +48,7 @@ def blob_peak(intensity, blur, delta=1.0):
 def blob_image(x, y, peak, blur, shape):
     """Noise-free frames h of a Gaussian blob: (n_x, n_y), or (K, n_x, n_y) for K positions.
 
-    x, y : numbers or (K,), in cells; cell (i, j) is centred at (i, j), i = 1 .. n_x, j = 1 .. n_y.
-        NaN: no target, h = 0.
+    x, y : numbers or (K,), in cells, counted from 1; NaN: no target, h = 0.
     peak : amplitude at the centre; blur : standard deviation in cells; shape : (n_x, n_y).
     """
     checks.number("peak", peak, -HIGH, HIGH)
@@ -65,7 +61,7 @@ def blob_image(x, y, peak, blur, shape):
 
 
 def blob_log_ratio_spec(z, S, r, peak, blur, noise):
-    """Specification of :func:`blob_log_ratio`: every cell, and a mask for the patch."""
+    """Every cell, and a mask for the patch."""
     out = np.zeros(len(r))
     i, j = (np.arange(1, n + 1) for n in z.shape)
     for n in np.flatnonzero(r):
@@ -90,17 +86,14 @@ def blob_log_ratio(z, S, r, peak, blur, noise):
     """Log-likelihood ratio (N,) of the 5 x 5 patch around each particle: target against noise only.
 
     z : (n_x, n_y) frame; S : (N, d) states, x in column 0 and y in column 2, in cells
-    r : (N,) regimes, 0 absent
+    r : (N,) regimes, 0 absent; log-ratio 0 where absent or outside the frame
     peak, blur, noise : amplitude and standard deviation of the blob, standard deviation of z
 
-    Absent particles, and particles outside the frame, have log-ratio 0.  The patch is clipped at
-    the edge; it holds all but 1e-7 of the energy of a blob of 0.6 cells (0.2 % at one cell).
-
-    The sum over the patch is  (peak sum g_i g_j z_ij - peak**2 / 2 sum g_i**2 sum g_j**2) /
-    noise**2,  and the Gaussian is a recurrence: with d the offset to the nearest cell, its value m
-    cells further is exp(-d**2 / 2b**2) * exp(-d / b**2)**m * exp(-m**2 / 2b**2), so three
-    exponentials serve 25 cells.  Below a blur of 0.038 cells the recurrence keeps that blur: what
-    lies beyond the own cell is then below 1e-38 of the peak.
+    The patch, clipped at the edge, misses 1e-7 of the energy at a blur of 0.6 cells, 0.2 % at one.
+    The sum is  (peak sum g_i g_j z_ij - peak**2 / 2 sum g_i**2 sum g_j**2) / noise**2,  and g, with
+    d the offset to the nearest cell, m cells further exp(-d**2 / 2b**2) * exp(-d / b**2)**m *
+    exp(-m**2 / 2b**2): three exponentials serve 25 cells.  Below a blur of 0.038 cells they keep
+    that blur: what lies beyond the own cell is then below 1e-38 of the peak.
     """
     nx, ny = z.shape
     if not (abs(peak) <= HIGH and 1e-9 <= blur <= 1e9 and 1.0 / HIGH <= noise <= HIGH):
@@ -248,9 +241,8 @@ def footprint(spread):
 def straddle(spread):
     """E[h**2] in the cell that holds the point, over all places of the point in the cell."""
     _check_spread(spread)
-    return math.prod(
-        math.sqrt(math.pi / l) * math.erf(0.5 * math.sqrt(l)) for l in (spread.lr, spread.la)
-    )
+    both = (math.sqrt(math.pi / l) * math.erf(0.5 * math.sqrt(l)) for l in (spread.lr, spread.la))
+    return math.prod(both)
 
 
 @kernel
@@ -260,10 +252,7 @@ def _exponentials(cells, rng):
 
 
 def noise_power(shape, rng):
-    """Frames of noise power in units of its mean: float32, as ``rng.standard_exponential`` draws.
-
-    The compiled loop takes two thirds of NumPy's time.
-    """
+    """Frames of noise power in units of its mean: float32, as rng.standard_exponential draws."""
     z = np.empty(shape, np.float32)  # by NumPy, for its large memory pages
     _exponentials(z.reshape(-1), rng)
     return z
@@ -326,17 +315,13 @@ def check_frames(z):
         raise ValueError(f"frames: frame {k + 1} has a cell that is negative, infinite or NaN")
 
 
-def _polar(z, rho, alpha, spread, snr=None):
+def _polar(spread, z, rho, alpha, *snr, high=HIGH):
     """The arguments of a patch function as arrays; ValueError where they do not fit."""
+    _check_spread(spread)
     z, rho = checks.reals("frame", z, "nr", "na"), checks.reals("rho", rho, "N")
     alpha = checks.reals("alpha", alpha, rho.size)
-    _check_spread(spread)
-    checks.within("frame", z, 0.0, HIGH)
-    if snr is None:
-        return z, rho, alpha
-    snr = checks.reals("snr", snr, rho.size)
-    checks.within("snr", snr, -HIGH, HIGH)
-    return z, rho, alpha, snr
+    snr = [checks.within("snr", checks.reals("snr", a, rho.size), -HIGH, HIGH) for a in snr]
+    return checks.within("frame", z, 0.0, high), rho, alpha, *snr
 
 
 def _patches(z, rho, alpha, spread):
@@ -380,10 +365,7 @@ def _decays(spread):
 
 @kernel
 def _patch(rho, alpha, spread):
-    """First row and column of a patch, h**2 at its central cell, and the tilts of both axes.
-
-    Row and column count from 0 and may lie outside the frame; tilts as in :func:`_gaussian`.
-    """
+    """First row and column (from 0) of a patch, h**2 at its centre, the tilts of both axes."""
     lr, la, hr, ha = spread
     i0, j0 = int(rho + 0.5), int(alpha + 0.5)
     d, e = rho - i0, alpha - j0
@@ -403,12 +385,11 @@ def power_log_ratio_spec(z, rho, alpha, snr, spread):
 def power_log_ratio(z, rho, alpha, snr, spread):
     """Log-likelihood ratio (N,) of the patch around each particle, equation (17).
 
-    Cells are independent and exponential.  z : (nr, na) frame of power in units of the noise power;
-    rho, alpha : (N,) places in cells; snr : (N,) intensity over noise power of each particle.
-    Log-ratio 0 where snr is 0 or less; -inf off the frame (and at NaN), where the region of
-    equations (22, 23) has no target.
+    z : (nr, na) frame of power in units of the noise power; rho, alpha : (N,) places in cells;
+    snr : (N,) intensity over noise power.  Log-ratio 0 where snr is 0 or less; -inf off the frame
+    (and at NaN), where the region of equations (22, 23) has no target.
     """
-    return _power_log_ratio(*_polar(z, rho, alpha, spread, snr), spread)
+    return _power_log_ratio(*_polar(spread, z, rho, alpha, snr), spread)
 
 
 @kernel
@@ -424,12 +405,10 @@ def _sum_of_cells(z, top, left, gr, ga):
 
 @kernel
 def _power_log_ratio(z, rho, alpha, snr, spread):
-    """The loop of :func:`power_log_ratio`.
+    """The loop: with s = snr h**2 a cell adds z s / (1 + s) - log(1 + s).
 
-    With s = snr h**2 a cell adds z s / (1 + s) - log(1 + s).  The sum over the cells of one azimuth
-    is a fraction, num / den with den = prod (1 + s), so that it costs one division, and the whole
-    patch, as a rule, one logarithm.  At the frame's edges the window of azimuths is shifted into
-    the frame; its columns outside the patch get h = 0.
+    The sum over the cells of one azimuth is num / den, den = prod (1 + s): one division, and mostly
+    one logarithm a patch.  At an edge the window of azimuths is shifted into the frame, with h = 0.
     """
     (nr, na), (_, _, hr, ha) = z.shape, spread
     w = min(4 * (ha // 2) + 4, na)  # columns in the window: at least 2 ha + 1, a multiple of four
@@ -487,10 +466,7 @@ def cell_power_spec(z, rho, alpha):
 @checks.typed
 @kernel
 def cell_power(z, rho, alpha):
-    """Power (N,) of the cell that holds each particle, 0 off the frame.
-
-    z : (nr, na); rho, alpha : (N,) in cells.
-    """
+    """Power (N,) of the cell of z (nr, na) at each rho, alpha (N,) in cells, 0 off the frame."""
     (nr, na), out = z.shape, np.zeros(rho.size)
     if alpha.size != rho.size:
         raise ValueError("rho, alpha: give one place (rho, alpha) for each particle")
@@ -509,12 +485,12 @@ def patch_fit_spec(z, rho, alpha, spread):
 
 
 def patch_fit(z, rho, alpha, spread):
-    """Numerator and denominator (2, N) of the least-squares intensity over each particle's patch.
+    """sum h**2 (z - 1) and sum h**4 (2, N) over each particle's patch, 0 and 0 off the frame.
 
-    sum h**2 (z - 1) and sum h**4; their quotient is the intensity over the noise power that fits
-    z = snr h**2 + 1 best.  Arguments as in :func:`power_log_ratio`; 0 and 0 off the frame.
+    Their quotient is the least-squares intensity over the noise power, of z = snr h**2 + 1.
+    Arguments as in :func:`power_log_ratio`.
     """
-    return _patch_fit(*_polar(z, rho, alpha, spread), spread)
+    return _patch_fit(*_polar(spread, z, rho, alpha), spread)
 
 
 @kernel
@@ -559,10 +535,7 @@ def _bessel_table():
 
 @kernel
 def _log_bessel(x, table):
-    """log I0(x), x >= 0: cubic Hermite interpolation (error below 1e-10); NaN for NaN.
-
-    Beyond the table the asymptotic series (below 1e-9).
-    """
+    """log I0(x), x >= 0: cubic Hermite (error below 1e-10), beyond the table a series (1e-9)."""
     if not x < _BESSEL_END:
         t = 1.0 / (8.0 * x)
         series = 1.0 + t * (1.0 + t * (4.5 + t * (37.5 + t * 459.375)))
@@ -579,33 +552,28 @@ def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
     from scipy.integrate import quad  # takes half a second to import
     from scipy.optimize import minimize_scalar
 
+    def log_density(p, h2, cells, snr):
+        x = 2.0 * np.sqrt(p * h2 * cells)
+        return (np.log(i0e(x)) + x - p * h2).sum() - p / snr
+
     out = np.full(len(rho), -np.inf)
     for n, h2, cells in _patches(z, rho, alpha, spread):
-
-        def log_density(p, h2=h2, cells=cells, n=n):
-            x = 2.0 * np.sqrt(p * h2 * cells)
-            return (np.log(i0e(x)) + x - p * h2).sum() - p / snr[n]
-
-        bounds = 0.0, 40.0 * snr[n] + 40.0
-        best = minimize_scalar(lambda p, f=log_density: -f(p), bounds=bounds, method="bounded").x
-        top, ends = (
-            log_density(best),
-            (0.0, best, best + 2.0, 2.0 * best + 20.0, 80.0 * snr[n] + 80.0),
-        )
-
-        def density(p, f=log_density, top=top):
-            return np.exp(f(p) - top)
-
-        area = sum(quad(density, *e, epsabs=0, epsrel=1e-10)[0] for e in pairwise(ends))
-        out[n] = top + np.log(area / snr[n])
+        f = partial(log_density, h2=h2, cells=cells, snr=snr[n])
+        best = minimize_scalar(lambda p, f=f: -f(p), bounds=(0.0, 40.0 * snr[n] + 40.0)).x
+        top, ends = f(best), (0.0, best, best + 2.0, 2.0 * best + 20.0, 80.0 * snr[n] + 80.0)
+        area = [
+            quad(lambda p, f=f, top=top: np.exp(f(p) - top), *e, epsabs=0, epsrel=1e-10)[0]
+            for e in pairwise(ends)
+        ]
+        out[n] = top + np.log(sum(area) / snr[n])
     return out
 
 
 @kernel
-def _coherent(z, rho, alpha, snr, spread, step, table, out):
+def _coherent(z, rho, alpha, snr, spread, step, table):
     """The loop of :func:`coherent_log_ratio`; spread : of the amplitude."""
     (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
-    gr, ga = np.zeros(2 * hr + 1), np.zeros(2 * ha + 1)
+    gr, ga, out = np.zeros(2 * hr + 1), np.zeros(2 * ha + 1), np.empty(rho.size)
     x = np.empty(gr.size * ga.size)
     for n in range(rho.size):
         inside = _inside(rho[n], alpha[n], nr, na)
@@ -639,6 +607,7 @@ def _coherent(z, rho, alpha, snr, spread, step, table, out):
                     break
             b += width
         out[n] = best + math.log(total - width * width / (12.0 * snr[n]) * math.exp(-best))
+    return out
 
 
 def coherent_log_ratio(z, rho, alpha, snr, spread, step=0.8):
@@ -651,10 +620,7 @@ def coherent_log_ratio(z, rho, alpha, snr, spread, step=0.8):
     step : of the midpoint rule over the amplitude, in units of (1 / snr + sum h**2)**-0.5, 0.01 to
         2; error below 1e-4 at 0.25, 1e-2 at 0.8.
     """
-    z, rho, alpha, snr = _polar(z, rho, alpha, spread, snr)
-    checks.within("frame", z, 0.0, 1e8)  # the number of steps grows with the amplitude
     checks.number("step", step, 0.01, 2.0)
-    out = np.empty(rho.size)
+    arrays = _polar(spread, z, rho, alpha, snr, high=1e8)  # steps grow with the amplitude
     amplitude = Spread(0.5 * spread.lr, 0.5 * spread.la, spread.hr, spread.ha)
-    _coherent(z, rho, alpha, snr, amplitude, step, _bessel_table(), out)
-    return out
+    return _coherent(*arrays, amplitude, step, _bessel_table())

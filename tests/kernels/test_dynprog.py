@@ -374,7 +374,13 @@ def test_a_final_state_outside_the_maps_is_refused(state):
         dynprog.weighted_path(np.zeros((2, 6, 6, 20, 20)), state, ASIDE, ASIDE, -2)
 
 
-@pytest.mark.parametrize("table", [LITERAL[:2], -LITERAL, LITERAL * np.nan, LITERAL * 0, ASIDE])
+FLAT = [LITERAL.reshape(9, 1), LITERAL.reshape(1, 9)]
+HOLE = LITERAL * (np.arange(9).reshape(3, 3) != 0)
+
+
+@pytest.mark.parametrize(
+    "table", [LITERAL[:2], -LITERAL, LITERAL * np.nan, LITERAL * 0, HOLE, ASIDE, *FLAT]
+)
 def test_a_bad_table_is_refused(table):
     z, I = dynprog.margin(np.zeros((2, 9, 7)), 4), np.zeros((2, 6, 6, 17, 15))
     with pytest.raises(ValueError, match=r"^[^\n]+$"):
@@ -405,8 +411,18 @@ def test_a_margin_that_a_step_could_leave_is_refused():
     I = np.empty((2, 1, 1, 10, 10))
     with pytest.raises(ValueError, match="margin"):
         dynprog.box_forward(z, np.ones(7), 0, 2, I)
-    with pytest.raises(ValueError, match="three weights"):
+    with pytest.raises(ValueError, match="middle one positive"):
         dynprog.weighted_forward(z, np.ones(5), np.ones(3), 0, 2, I)
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.box_forward(z, np.ones((3, 1)), 0, 2, I)
+
+
+@pytest.mark.parametrize("left_out", [2, [1, 2], [2, 3]])
+def test_a_window_without_slack_zero_is_refused(left_out):
+    z, position = dynprog.margin(np.zeros((2, 9, 9)), 4), np.ones(5)
+    position[left_out] = 0.0
+    with pytest.raises(ValueError, match="middle one positive"):
+        dynprog.box_forward(z, position, 0, 4, np.empty((2, 1, 1, 17, 17)))
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (0, 4), (4, 0), (4, 4)])

@@ -128,11 +128,16 @@ H, ONE = np.eye(4)[::2], np.ones((1, 1))
     [
         ("predict_cv", (X[:3], P, 1.0, 0.1), r"state \(4,\)"),
         ("predict_cv", (X, P[:3], 1.0, 0.1), r"covariance \(4, 4\)"),
-        ("predict_cv", (X.astype(int), P, 1.0, 0.1), "float"),
-        ("predict_cv", (list(X), P, 1.0, 0.1), "float"),
+        ("predict_cv", (X.astype(int), P, 1.0, 0.1), "another type"),
+        ("predict_cv", (list(X), P, 1.0, 0.1), "another type"),
         ("predict_cv", (X, P, 1.0, -0.1), "negative"),
         ("predict_cv", (X, -P, 1.0, 0.1), "negative"),
-        ("predict_cv", (X, P, np.nan, 0.1), "no number"),
+        ("predict_cv", (X, P, np.nan, 0.1), "NaN"),
+        ("predict_cv", (X, P, "1", 0.1), "another type"),
+        ("predict_cv", (X[:, None], P, 1.0, 0.1), r"state \(4,\)"),
+        ("predict_cv", (X, P[0], 1.0, 0.1), "another type or shape"),
+        ("gate_polar", (X, P, 10**30, 1.0), "another type"),
+        ("update_polar", (X, P, np.inf, 1.0, 1.0, 1.0), "infinite"),
         ("gate_polar", (0 * X, P, 1.0, 1.0), "NaN"),
         ("gate_polar", (X, P, 1.0, -1.0), "negative"),
         ("gate_polar", (X, P, -1.0, 1.0), "negative"),
@@ -172,3 +177,12 @@ def test_nonsense_is_refused_in_one_line(function, args, words):
     with pytest.raises(ValueError, match=words) as caught:
         getattr(kalman, function)(*args)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("axis", range(4))
+def test_a_negative_variance_is_refused(axis):
+    C = P.copy()
+    C[axis, axis] = -1e-9
+    for function in (kalman.predict_cv, kalman.gate_polar):
+        with pytest.raises(ValueError, match="negative"):
+            function(X.copy(), C.copy(), 1.0, 1.0)
