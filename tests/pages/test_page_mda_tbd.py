@@ -216,6 +216,23 @@ def test_births_by_power_are_weighted_back_to_uniform():
     assert np.allclose(sensor.polar_cells(S[0], S[2], p.grid), place, atol=1e-6)
 
 
+def test_births_by_power_fall_into_the_one_cell_above_four_noise_powers():
+    """Half of them and a uniform share, over the whole cell, with the log-density of each."""
+    p = page.scenario(**OWN, B=8000)
+    z = np.full((24, 14), 4.0)
+    z[5, 9] = 4.5
+    _, place, excess = page.births_by_power(z, p, rng(20, 1))
+    there = (np.abs(place - np.array([[6.0], [10.0]])) <= 0.5).all(axis=0)
+    assert there.mean() == pytest.approx(0.5 + 0.5 / z.size, abs=4 * 0.5 / math.sqrt(p.B))
+    assert place[:, there].min(axis=1) == pytest.approx([5.5, 9.5], abs=0.01)
+    assert place[:, there].max(axis=1) == pytest.approx([6.5, 10.5], abs=0.01)
+    assert excess[there] == pytest.approx(math.log(z.size * (0.5 + 0.5 / z.size)), rel=1e-12)
+    assert excess[~there] == pytest.approx(math.log(0.5), rel=1e-12)
+    _, place, excess = page.births_by_power(np.full_like(z, 4.0), p, rng(20, 2))
+    assert excess == pytest.approx(0.0, abs=1e-12)  # no bright cell: uniform births
+    assert place.mean(axis=1) == pytest.approx([12.5, 7.5], abs=4 * 7 / math.sqrt(p.B))
+
+
 @pytest.mark.parametrize(
     "options",
     [
