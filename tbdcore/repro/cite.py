@@ -22,6 +22,8 @@ ARTICLE = ("author", "title", "journal", "year")  # what BibTeX requires of an @
 FIELDS = (*ARTICLE[:3], "volume", "number", "pages", "year", "version", "doi", "url", "key", "note")
 COLUMN = 325  # points: a little less than the text of an article, 345, is wide
 KINDS = ("pdf", "svg", "png", "gif", "md", "tex", "csv", "json")
+# pages that judge no paper
+TOPICS = {"index": "All papers", "together": "The five ideas on the same scenes"}
 
 
 def ids(*papers):
@@ -198,6 +200,11 @@ def papers():
     return {paper: known[paper] for paper in pages.papers()}
 
 
+def topic(page):
+    """What a page is about, in words."""
+    return TOPICS.get(page) or papers()[page]["topic"]
+
+
 def entries(paper):
     """BibTeX of a notebook: of its paper, unless it is the index, and of this repository."""
     pages.path(paper)  # there is one
@@ -224,7 +231,7 @@ def gallery():
     for paper in pages.everything():
         about, page = known.get(paper), pages.path(paper)
         said = f"{about['short']}: *{about['title']}*. " if about else ""
-        lines += [f"## {about['topic'] if about else 'All papers'}", ""]
+        lines += [f"## {topic(paper)}", ""]
         lines += [f"{said}Notebook [{page.stem}]({_relative(page, folder)}).", ""]
         verdicts = claims.verdicts(paper, folder).set_index("id") if about else None
         for id in ids(paper):

@@ -264,7 +264,7 @@ def _result(arguments, paper, run):
 def _values(paper, arguments, *more):
     """The parameters that the command line sets, checked with claims file and output folder."""
     known = pages.parameters(paper)
-    if paper in claims.papers() or paper in pages.papers():
+    if pages.judges(paper):
         claims.read(paper)
     values = {}
     if arguments.quick:
@@ -374,14 +374,13 @@ def _which(arguments):
 
 def _list(arguments):
     """The papers; of one paper its parameters, and its products with captions."""
-    topics = {paper: about["topic"] for paper, about in cite.papers().items()}
+    cite.papers()  # complete
     if arguments.paper is None:
         for paper in pages.everything():
-            topic = topics.get(paper, "all papers")
-            print(f"{paper:<12}{pages.path(paper).name:<22}{topic}")
+            print(f"{paper:<12}{pages.path(paper).name:<22}{cite.topic(paper)}")
         return GOOD
     paper, notebook = arguments.paper, pages.path(arguments.paper).name
-    print(f"{paper}: {topics.get(paper, 'all papers')}, notebooks/{notebook}\n\nparameters")
+    print(f"{paper}: {cite.topic(paper)}, notebooks/{notebook}\n\nparameters")
     for one in pages.parameters(paper).values():
         quick = "" if one.quick is None else f"quick {one.quick}"
         limits = "; ".join(filter(None, (one.allowed(), quick)))

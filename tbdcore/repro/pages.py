@@ -53,7 +53,7 @@ PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a re
 EVERYWHERE = "from tbdcore.repro import claims, figures, products, screen, trials"
 LARGEST = 2**63  # integers are below, so that any program can read them in a record
 ONLY_DEFAULTS = "the repository's figures are for default parameters"
-_ONE_AT_A_TIME = threading.Lock()
+_ONE_AT_A_TIME = threading.RLock()  # a page may use others
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,13 +118,18 @@ def _notebooks():
 
 
 def papers():
-    """Names of the papers in the order of their notebooks."""
-    return [paper for paper, file in _notebooks().items() if not file.name.startswith("00")]
+    """Names of the papers, which have a claims file, in the order of their notebooks."""
+    return [paper for paper in _notebooks() if paper in claims.papers()]
 
 
 def everything():
-    """The papers, and after them the index, which reads their verdicts."""
-    return sorted(_notebooks(), key=lambda name: name not in papers())
+    """The papers, then the pages without claims, and last the index, which reads all products."""
+    return sorted(_notebooks(), key=lambda name: (name not in papers(), name == "index"))
+
+
+def judges(paper):
+    """Whether a notebook enters verdicts on claims: its last call publishes a ledger."""
+    return any("publish(ledger)" in cell for cell in cells(paper))
 
 
 def path(paper):
@@ -237,8 +242,8 @@ def begin(paper, namespace):
 
     Checks every parameter (a misspelt one is a plain variable that is no parameter), puts coerced
     values back into `namespace`, and makes sure that the output folder can be written before any
-    kernel starts.  Returns a :class:`tbdcore.repro.claims.Ledger`, or None for the index, which
-    judges no paper, and a :class:`tbdcore.repro.figures.Portfolio`.
+    kernel starts.  Returns a :class:`tbdcore.repro.claims.Ledger`, or None on a page that judges
+    no paper, and a :class:`tbdcore.repro.figures.Portfolio`.
     """
     from tbdcore.repro import figures
 
@@ -255,7 +260,7 @@ def begin(paper, namespace):
     provenance = {"parameters": shown, "seed": values["seed"], "trials": values["n_trials"]}
     provenance |= {"digest": digest(paper), "remake": remake(paper, values)}
     provenance["versions"] = products.versions()
-    ledger = claims.Ledger(paper, strict=default) if paper in papers() else None
+    ledger = claims.Ledger(paper, strict=default) if judges(paper) else None
     return ledger, figures.Portfolio(paper, folder, provenance, background=trials.cores() > 1)
 
 
@@ -288,10 +293,13 @@ def usable(out):
 
 
 def digest(paper):
-    """Short hash of the meaning of what makes a paper's products: the parsed code of notebook and
-    imported modules, and the claims file but for its causes; for the index also what it shows.
+    """Short hash of the meaning of what makes a paper's products: the parsed code of notebook,
+    imported modules and used pages, and the claims file but for its causes; for the index also
+    what it shows.
     """
-    every = [cell.splitlines() for cell in cells(paper)]
+    used = re.findall(r'\bpage\("(\w+)"\)', "\n".join(cells(paper)))
+    others = [cell for name in sorted({*used} - {paper}) for cell in cells(name, "algorithm")]
+    every = [cell.splitlines() for cell in (*cells(paper), *others)]
     code = ["\n".join(line for line in cell if line[:1] not in ("%", "!")) for cell in every]
     try:
         parts = [products.meaning(cell) for cell in code]
@@ -308,7 +316,7 @@ def digest(paper):
 
 def _shown(paper, code):
     """Verdicts and data of other papers that the index reads."""
-    if paper in papers():
+    if paper != "index":
         return []
     ids = re.findall(r'\.data\("(\w+/\w+)"\)', "\n".join(code))
     folder = paths.figures()

@@ -8,6 +8,7 @@ its own results when it publishes (``check``).
 from tbdcore.repro import claims, paths, products
 
 _SHOWN = {}  # paper -> rows of its first screen's table, and the table as it was shown
+_TABLES = {}  # id -> text of a product's table that a first screen has shown
 
 
 class Exhibit:
@@ -69,9 +70,15 @@ def _table(paper, rows, folder):
 
 
 def exhibit(id):
-    """A committed figure, ``exhibit("track_cfar/fig05")``; without one, a line that says so."""
+    """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
     file = paths.PRODUCTS / f"{id}.png"
+    table = file.with_suffix(".md")
+    if table.is_file():
+        _TABLES[id] = table.read_text(encoding="utf-8")
+        caption = products.record(file.with_suffix(".json"))["caption"]
+        return Table(f"{_TABLES[id].partition('-->')[2].strip()}\n\n*{caption}*")
     if not file.is_file():
+        _TABLES[id] = ""
         return Table(f"*{id}: not yet run.*")
     return Exhibit(id, products.record(file.with_suffix(".json"))["caption"], file.read_bytes())
 
@@ -79,5 +86,10 @@ def exhibit(id):
 def check(paper, folder):
     """Raise RuntimeError when the first screen showed other values than a folder's verdicts."""
     rows, text = _SHOWN.get(paper, ({}, ""))
-    if rows and text != _table(paper, rows, folder):
+    old = rows and text != _table(paper, rows, folder)
+    for id, shown in _TABLES.items():
+        table = folder / f"{id}.md"
+        if id.startswith(f"{paper}/") and table.is_file():
+            old |= shown != table.read_text(encoding="utf-8")
+    if old:
         raise RuntimeError(f"{paper}: first screen is stale; run again")

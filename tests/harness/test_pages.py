@@ -271,6 +271,27 @@ def test_a_page_with_a_kernel_works_where_nothing_can_be_written(repository, mon
     assert pages.page("tiny").twice(3) == 6
 
 
+def test_a_page_may_use_another_and_its_digest_follows_it(repository):
+    cells = tiny.CELLS | {"algorithm": 'import tbdcore\n\nused = tbdcore.page("tiny")'}
+    other = repository / "notebooks" / "02_other.ipynb"
+    other.write_text(tiny.notebook(cells), encoding="utf-8")
+    rewrite(repository, algorithm="answer = 1")
+    before = pages.digest("other")
+    assert pages.page("other").used is pages.page("tiny")
+    rewrite(repository, algorithm="answer = 2")
+    assert pages.digest("other") != before
+
+
+def test_pages_without_claims_come_after_the_papers_and_the_index_last(repository):
+    free = tiny.notebook(tiny.CELLS | {"publish": "portfolio.publish()"})
+    for name in ("00_index", "06_together"):
+        (repository / "notebooks" / f"{name}.ipynb").write_text(free, encoding="utf-8")
+    assert pages.papers() == ["tiny"]
+    assert pages.everything() == ["tiny", "together", "index"]
+    assert pages.judges("tiny")
+    assert not pages.judges("together")
+
+
 def test_a_broken_page_is_not_kept(repository):
     rewrite(repository, algorithm="answer = 1 / 0")
     for _ in range(2):

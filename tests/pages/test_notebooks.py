@@ -60,6 +60,7 @@ def code_lines(name):
 
 every_notebook = pytest.mark.parametrize("name", NOTEBOOKS)
 every_paper = pytest.mark.parametrize("paper", PAPERS)
+every_page = pytest.mark.parametrize("paper", [*PAPERS, "together"])  # all but the index
 
 
 def test_each_paper_has_claims_a_notebook_and_a_bibliography():
@@ -165,7 +166,7 @@ def test_every_picture_has_a_visible_caption_and_alternative_text(name):
             assert any(caption.endswith(alt) for caption in captions), alt
 
 
-@every_paper
+@every_page
 def test_parameters_are_complete_and_nothing_runs_before_them(paper):
     """Before them: imports, and the first screen, which shows committed products."""
     name = pages.path(paper).stem
@@ -181,7 +182,7 @@ def test_parameters_are_complete_and_nothing_runs_before_them(paper):
     assert common == COMMON
 
 
-@every_paper
+@every_page
 def test_every_parameter_says_what_it_may_be(paper):
     for parameter in pages.parameters(paper).values():
         assert parameter.meaning, parameter.name
@@ -196,21 +197,22 @@ def test_every_parameter_says_what_it_may_be(paper):
             parameter.coerce(parameter.quick)
 
 
-@every_paper
+@every_page
 def test_quick_means_few_trials(paper):
     trials = pages.parameters(paper)["n_trials"]
     assert trials.quick is not None
     assert trials.quick < trials.default
 
 
-@every_paper
+@every_page
 def test_a_notebook_begins_and_publishes(paper):
     name = pages.path(paper).stem
     text = [source(cell) for cell in cells(name)]
     begins = [i for i, cell in enumerate(text) if "tbdcore.begin(" in cell]
     assert len(begins) == 1
     assert f'tbdcore.begin("{paper}", vars())' in text[begins[0]]
-    assert text[-1].strip().endswith("portfolio.publish(ledger)")
+    ledger = "ledger" if paper in PAPERS else ""
+    assert text[-1].strip().endswith(f"portfolio.publish({ledger})")
     assert sum("portfolio.publish(" in cell for cell in text) == 1
 
 
@@ -337,6 +339,21 @@ def test_a_chapter_is_short(paper):
     assert pages.path(paper).stat().st_size < 1_500_000
     results = [i for i in pictures if i > starts["5"]]
     assert before[results[0]] - before[starts["1"]] < 2_000, "words before the first result"
+
+
+def test_the_page_on_common_scenes_is_short():
+    page, before = all_cells("together"), words("together")
+    code = [source(cell).splitlines() for cell in page if cell["cell_type"] == "code"]
+    assert before[-1] <= 4_000
+    assert sum(map(len, code)) <= 450
+    assert len(page) <= 70
+    assert pages.path("together").stat().st_size < 1_500_000
+    shown = "\n".join(source(cell) for cell in page[:5])
+    assert 'screen.exhibit("together/' in shown
+    assert shown.index("screen.exhibit(") < 1_500, "the result comes first"
+    headings = [source(cell).split("\n")[0] for cell in page if cell["cell_type"] == "markdown"]
+    numbers = [title[3] for title in headings if title.startswith("## ")]
+    assert numbers == sorted(numbers)
 
 
 @every_paper
