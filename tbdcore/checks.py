@@ -19,12 +19,14 @@ def typed(compiled, inside=None):
     """The kernel; what Numba cannot compile is a ValueError.  Other kernels call ``inside``."""
 
     @functools.wraps(compiled.py_func)
-    def call(*args):
+    def call(a, b, *args):
         try:
-            return compiled(*args)
+            if type(a) is not list and type(b) is not list:  # on which Numba warns
+                return compiled(a, b, *args)
         except (NumbaError, OverflowError):
-            name = f"{call.__module__}.{call.__name__}".removeprefix("tbdcore.")
-            raise ValueError(f"{name}: arguments of another type or shape; see help()") from None
+            pass
+        name = f"{call.__module__}.{call.__name__}".removeprefix("tbdcore.")
+        raise ValueError(f"{name}: arguments of another type or shape; see help()")
 
     call.py_func, call.stats = compiled.py_func, compiled.stats
     call._numba_type_ = typeof(inside or compiled)

@@ -152,11 +152,9 @@ def _rotated(u, v, n, along, across):
 @kernel
 def _finite_parts(parts):
     """The tuple of numbers and arrays; ValueError where one has a NaN or an infinity."""
-    total = 0.0
     for part in literal_unroll(parts):
-        total += np.asarray(part).sum()
-    if not abs(total) < np.inf:
-        raise ValueError("kalman: an argument or the result is NaN or infinite; is r = 0?")
+        if not np.all(np.isfinite(part)):
+            raise ValueError("kalman: an argument or the result is NaN or infinite; is r = 0?")
     return parts
 
 
