@@ -86,7 +86,7 @@ def exhibit(id):
 def check(paper, folder):
     """Raise RuntimeError when the first screen showed other values than a folder's verdicts."""
     rows, text = _SHOWN.get(paper, ({}, ""))
-    old = rows and text != _table(paper, rows, folder)
+    old = bool(rows) and text != _table(paper, rows, folder)
     for id, shown in _TABLES.items():
         table = folder / f"{id}.md"
         if id.startswith(f"{paper}/") and table.is_file():

@@ -1,5 +1,6 @@
 """Page 06: its scenes, the reference chain, and that each page works as a method on them."""
 
+import csv
 import math
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import pytest
 from scipy.stats import binom, kstest
 
 import tbdcore
-from tbdcore.repro import pages, trials
+from tbdcore.repro import pages, paths, trials
 
 six = tbdcore.page("together")
 p = replace(six.Setup(), N=200, births=100)
@@ -185,3 +186,48 @@ def test_no_algorithm_is_copied():
         assert f'page("{name}")' in source
     kernels = [cell for cell in pages.cells("together") if "@kernel" in cell]
     assert kernels == []
+
+
+# The advice of Section 7, held against the committed tables ---------------------------------------
+
+
+def committed(name):
+    """Rows of a committed table by method."""
+    with (paths.PRODUCTS / "together" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        return {row["method"]: row for row in csv.DictReader(file)}
+
+
+def test_the_advice_on_finding_stands_in_the_tables():
+    straight, turning = committed("order_straight"), committed("order_turning")
+    for name in six.METHODS[:3]:
+        assert all(straight[name][other].startswith("+") for other in six.METHODS[3:])
+    assert all(
+        straight["Tonissen"][other].startswith("+") for other in ("conventional", "weighted")
+    )
+    others = set(six.METHODS) - {"Bernoulli"}
+    assert all(turning["Bernoulli"][other].startswith("+") for other in others)
+    for table in (straight, turning):
+        assert table["Bernoulli"]["accumulating"].startswith("+")
+
+
+def test_what_the_text_says_of_fading_and_turning_stands_in_the_table():
+    breaks = committed("breaks")
+
+    def margin(name, change):
+        mean, error = map(float, breaks[name][change].split(" ± "))
+        return mean / error
+
+    assert all(margin(name, "Swerling 1") < -2.6 for name in (*six.METHODS[:3], "reference"))
+    assert all(margin(name, "Swerling 1") > 2.6 for name in ("Bernoulli", "accumulating"))
+    assert all(abs(margin(name, "turning")) < 2.6 for name in six.METHODS)
+
+
+def test_the_advice_on_holding_stands_in_the_table():
+    advice = {name: row["not beaten"].split(", ") for name, row in committed("advice").items()}
+    assert advice["hold a target that fades and turns"] == ["LM-AI"]
+    assert set(advice["hold two that fade and cross"]) == {"LM-AI", "JIPDA"}
+
+
+def test_thresholds_hold_on_fresh_noise():
+    for row in committed("false").values():
+        assert abs(float(row["declared (%)"]) - 5) < 2.6 * float(row["error"])
