@@ -546,10 +546,10 @@ def test_bad_scenarios_are_refused_in_one_line(change, message):
     ("change", "message"),
     [
         ({"birth_sped": 3.0}, "no setting 'birth_sped'; the nearest is 'birth_speed'"),
-        ({"sd_r": 0.0}, "sd_r is 0.0; give a positive number"),
-        ({"sd_a": "1"}, "sd_a is '1'; give a positive number"),
+        ({"sd_r": 0.0}, "sd_r is 0.0; give a number, at least"),
+        ({"sd_a": "1"}, "sd_a is '1'; give a number, at least"),
         ({"dr": -1.0}, "dr is -1.0"),
-        ({"nr": 24.5}, "range: the region has 24.5 cells"),
+        ({"nr": 24.5}, "nr is 24.5; give a number, at least 1"),
         ({"sd_r": 0.1, "sd_a": 0.1}, "covers 0.031 cells; widen it"),
     ],
 )

@@ -689,7 +689,7 @@ def test_options_that_cannot_be_right_are_refused(page, options, words):
 
 
 def test_a_scenario_must_be_one(page):
-    with pytest.raises(ValueError, match="p: give a Scenario"):
+    with pytest.raises(ValueError, match="p: give one number, as in Scenario"):
         page.run(my_scans(4)[0], {"scan": 4.0})
 
 

@@ -166,8 +166,8 @@ FAULTS = [
     Plant(
         "the power after the assignment",
         "tbdcore/score.py",
-        "((cost[linear_sum_assignment(cost)].sum()",
-        "((cost[linear_sum_assignment(cost ** (1 / p))].sum()",
+        "total = cost[linear_sum_assignment(cost)].sum()",
+        "total = cost[linear_sum_assignment(cost ** (1 / p))].sum()",
         "kernels/test_ospa.py::test_ospa_takes_the_power_before_the_assignment",
     ),
     Plant(
