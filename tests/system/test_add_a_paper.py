@@ -34,7 +34,7 @@ def copy(tmp_path_factory):
     for name in COPIED:
         whole = shutil.copytree if (paths.root() / name).is_dir() else shutil.copy
         whole(paths.root() / name, folder / name)
-    (folder / "data/claims/square_law.csv").write_text(blocks("csv")[0][1], encoding="utf-8")
+    (folder / "data/claims/square_law.csv").write_text(blocks("text")[0][1], encoding="utf-8")
     with (folder / "data/papers.toml").open("a", encoding="utf-8") as bibliography:
         bibliography.write("\n" + blocks("toml")[0][1])
     (_, declare), *cells = blocks("python")
