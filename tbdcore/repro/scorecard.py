@@ -1,15 +1,20 @@
 """The scorecard: the files that hold the verdicts of all papers together.
 
-``figures/scorecard.csv`` has every verdict, ``scorecard.md`` the counts, ``figures/README.md`` all
-products, ``figures.bib`` the papers, and the repository's README has a table of the papers between
-two markers.
+``figures/scorecard.csv`` has every verdict and the share of the seeds that give it
+(``data/seeds.csv``, made by ``benchmarks/seeds.py``), ``scorecard.md`` the counts,
+``figures/README.md`` all products, ``figures.bib`` the papers, and the repository's README has a
+table of the papers between two markers.
 """
+
+import contextlib
 
 import pandas as pd
 
 from tbdcore.repro import cite, claims, pages, paths, products
 
 BEGIN, END = "<!-- scorecard -->\n", "<!-- /scorecard -->"
+STEADY = 0.9  # share of the seeds below which a verdict is marked
+UNSTEADY = f"other verdict in more than {1 - STEADY:.0%} of the seeds"
 
 
 def files(folder, readme):
@@ -17,12 +22,42 @@ def files(folder, readme):
 
     Raises like :func:`tbdcore.repro.claims.verdicts`.
     """
-    every, counts = claims.ledger(folder), products.markdown(claims.scorecard(folder))
+    every = with_seeds(claims.ledger(folder))
+    counts = claims.scorecard(folder).set_index("paper")
+    unsteady = every[every["seeds"] < STEADY].groupby("paper").size()
+    unsteady["all"] = unsteady.sum()
+    counts[UNSTEADY] = unsteady.reindex(counts.index, fill_value=0)
+    counts = products.markdown(counts.reset_index())
     texts = {folder / "scorecard.md": counts, folder / "figures.bib": cite.bibliography()}
     texts[folder / "README.md"] = cite.gallery()
     texts |= {paths.README: _readme(every)} if readme else {}
     made = {path: text.encode() for path, text in texts.items()}
     return {folder / "scorecard.csv": products.csv(every)} | made
+
+
+def seeds_file():
+    """The study of the seeds."""
+    return paths.CLAIMS.parent / "seeds.csv"
+
+
+def with_seeds(every):
+    """A table of verdicts with a column more: the share of the seeds that give the row's verdict.
+
+    Empty where the study has no such claim.  ValueError when the file is no such table.
+    """
+    columns = ["paper", "claim", "seeds", *claims.VERDICTS[:3]]
+    study = pd.DataFrame(columns=columns)
+    if seeds_file().is_file():
+        with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
+            study = pd.read_csv(seeds_file(), comment="#")
+        if list(study) != columns or not len(study):
+            wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
+            raise ValueError(f"{seeds_file()}: {wrong}")
+    same = study.melt(["paper", "claim", "seeds"], var_name="verdict", value_name="same")
+    same["share"] = same["same"] / same["seeds"]
+    keys = pd.MultiIndex.from_frame(every[["paper", "id", "verdict"]])
+    share = same.set_index(["paper", "claim", "verdict"])["share"].astype(float).reindex(keys)
+    return every.assign(seeds=share.to_numpy())
 
 
 def changes(folder):

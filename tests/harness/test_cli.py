@@ -4,11 +4,12 @@ import shlex
 import subprocess
 import sys
 
+import pandas as pd
 import pytest
 import tiny
 
 import tbdcore
-from tbdcore.repro import batch, cli, paths, trials
+from tbdcore.repro import batch, claims, cli, paths, trials
 
 HEADER = "id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause"
 VERDICTS = f"""{HEADER}
@@ -345,6 +346,47 @@ def test_score_of_another_folder_leaves_the_readme_alone(repository, capsys):
     assert cli.main(["score", "--figures", str(repository / "build" / "try")]) == 0
     assert paths.README.read_bytes() == before
     assert (repository / "build" / "try" / "scorecard.csv").is_file()
+
+
+SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,inconclusive\n"
+
+
+def test_the_scorecard_has_the_share_of_the_seeds_and_counts_what_is_below_nine_tenths(
+    repository, capsys
+):
+    enter(repository, VERDICTS)
+    study = repository / "data" / "seeds.csv"
+    for of_ten, marked in ((9, 0), (8, 1)):
+        study.write_text(f"{SEEDS}tiny,order,10,{of_ten},{10 - of_ten},0\n")
+        cli.main(["score"])
+        card = pd.read_csv(repository / "figures" / "scorecard.csv").set_index("id")["seeds"]
+        assert card["order"] == of_ten / 10
+        assert card.drop("order").isna().all(), "claims that the study has not are left open"
+        assert capsys.readouterr().out.splitlines()[-1].endswith(f"| {marked} |")
+
+
+@pytest.mark.parametrize("damaged", ["", "<<<<<<< HEAD\n", SEEDS, SEEDS.replace("claim", "id")])
+def test_a_damaged_study_of_the_seeds_is_named(repository, capsys, damaged):
+    enter(repository, VERDICTS)
+    (repository / "data" / "seeds.csv").write_text(damaged)
+    wrong = said(capsys, 2, "score")
+    assert "seeds.csv: no table of seeds; make it anew: python -m benchmarks.seeds" in wrong
+
+
+def test_seeds_are_counted_by_claim_and_verdict():
+    from benchmarks import seeds
+
+    def table(**verdicts):
+        return pd.DataFrame({"claim": verdicts.keys(), "verdict": verdicts.values()})
+
+    one = pd.concat([table(b="differs", a="reproduced"), table(b="reproduced", a="reproduced")])
+    counted = seeds.counts({"x": one, "y": table(a="inconclusive", used="used")})
+    assert counted.to_numpy().tolist() == [
+        ["x", "b", 2, 1, 1, 0],
+        ["x", "a", 2, 2, 0, 0],
+        ["y", "a", 1, 0, 0, 1],
+    ]
+    assert list(counted) == ["paper", "claim", "seeds", *claims.VERDICTS[:3]]
 
 
 def test_plain_papermill_refuses_a_misspelt_parameter(repository):
