@@ -6,3 +6,8 @@ window.addEventListener("load", async () => {
   const show = () => document.querySelector("article .highlighted")?.scrollIntoView({ block: "center" });
   setTimeout(show, 100);
 });
+
+// The filters of the claims know a dark page by this class only.
+const dark = () => document.documentElement.classList.toggle("dark", document.documentElement.dataset.theme === "dark");
+new MutationObserver(dark).observe(document.documentElement, { attributeFilter: ["data-theme"] });
+dark();
