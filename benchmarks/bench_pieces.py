@@ -2,7 +2,7 @@
 size that the notebooks use.
 
 Python's own call, about half a microsecond, is in both times, so the ratio to the specification is
-the least that can be said. The specification of ``coherent_log_ratio`` is an adaptive quadrature
+the least that can be said. The specification of ``coherent_log_ratio`` is a sum over 5,000 powers
 for each particle.
 """
 

@@ -12,28 +12,23 @@ and every associator here has the same form, (log_ratio, existence, detect) -> (
     beta[t, m]     probability that plot m - 1 is; each row sums to one
     existence[t]   probability that the target exists, given the scan
 
-=============  ================================================================  =============
-``ipda``       each track alone, as if all other plots were clutter              exact for one
-``jipda``      exact marginals over all joint events, by track subsets           O(M T 2^T)
-``ljipda``     each track alone, plots discounted by their *visibility* (paper)  O(M T)
-``modulated``  each track alone, the other tracks added to the clutter density   O(M T)
-=============  ================================================================  =============
+``ipda``       each track alone, as if all other plots were clutter (Musicki, Evans and Stankovic
+               1994); exact for one track
+``jipda``      exact marginals over all joint events (Musicki and Evans 2004), O(M T 2^T)
+``ljipda``     each track alone, plots discounted by their *visibility* (the paper), O(M T)
+``modulated``  each track alone, the other tracks added to the clutter density (Musicki and La Scala
+               2008), O(M T)
 
-The exact marginals need no list of events.  For every subset A of tracks, F_m(A) is the summed
-weight of all ways in which the first m plots use exactly the tracks of A; a plot is clutter or
-takes one track: F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m] F_{m-1}(A - t).  The same backwards
-gives the weight B_m(A) of completing the scan when A is used up, and the marginal of (t, m) is
-w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t) / B_0(empty).
-
-Nothing overflows: weights stay logarithms until the dual variables of the best single assignment
-have been added.  Then every factor is at most one and the best joint event weighs exactly one.
+``jipda`` lists no events.  For a subset A of tracks, F_m(A) is the summed weight of all ways in
+which the first m plots use exactly the tracks of A: F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m]
+F_{m-1}(A - t).  B_m(A), the same backwards, completes the scan when A is used up, and the marginal
+of (t, m) is w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t) / B_0(empty).  Weights stay logarithms
+until the dual variables of the best single assignment have been added; then every factor is at most
+one, the best joint event weighs exactly one, and nothing overflows.
 
 Valid are float arrays with existence and detect in [0, 1] and log ratios of at most 1e9, or -inf;
 anything else is a ValueError, and so is a certain track (both 1) without a plot.  Zero tracks and
 zero plots are valid.  A track impossible after the scan gets existence 0 and beta[t, 0] = 1.
-
-References: Musicki, Evans and Stankovic (1994) for IPDA; Musicki and Evans (2004) for JIPDA;
-Musicki and La Scala (2008) for the modulated density.
 """
 
 import itertools
@@ -65,11 +60,9 @@ def gate(z, zhat, S, gamma, p_gate):
     ``picked`` (C,), increasing indices into ``z``, and ``log_density`` (T, C), ln of N(z; zhat, S)
     / p_gate, eq. (21), -inf outside the track's own gate.
     """
-    if z.ndim != 2 or zhat.ndim != 2 or z.shape[1] != 2 or zhat.shape[1] != 2:
-        raise ValueError("association.gate: give plots (M, 2) and predictions (T, 2)")
-    if S.ndim != 3 or S.shape != (len(zhat), 2, 2):
-        raise ValueError("association.gate: give one covariance (2, 2) for each prediction")
-    M, T = z.shape[0], zhat.shape[0]
+    M, T, shapes = z.size // 2, zhat.size // 2, z.shape + zhat.shape + S.shape
+    if z.ndim != 2 or zhat.ndim != 2 or S.ndim != 3 or shapes != (M, 2, T, 2, T, 2, 2):
+        raise ValueError("association.gate: give plots (M, 2), predictions (T, 2), S (T, 2, 2)")
     if not (0.0 < gamma < np.inf and 0.0 < p_gate <= 1.0):
         raise ValueError("association.gate: gamma must be positive and p_gate in (0, 1]")
     for t in range(T):
@@ -77,8 +70,7 @@ def gate(z, zhat, S, gamma, p_gate):
         trace = S[t, 0, 0] + S[t, 1, 1]
         if not (0.0 < p_gate * det < np.inf and trace > 0.0 and abs(skew) <= 1e-9 * trace):
             raise ValueError("association.gate: a covariance is not positive definite; correct it")
-    picked, log_p = np.empty(M, np.int64), np.empty((T, M))
-    count = 0
+    picked, log_p, count = np.empty(M, np.int64), np.empty((T, M)), 0
     for m in range(M):
         hit = False
         for t in range(T):
@@ -307,8 +299,7 @@ def _potentials(log_w, log_miss):
     a, v = np.zeros(T), np.zeros(M + T + 1)  # the last column is the root of the search
     row, back = np.full(M + T + 1, -1), np.empty(M + T + 1, np.int64)
     for t in range(T):
-        row[M + T] = t
-        j0 = M + T
+        row[M + T], j0 = t, M + T
         short, seen = np.full(M + T, np.inf), np.zeros(M + T + 1, np.bool_)
         while row[j0] >= 0:
             seen[j0] = True
@@ -416,9 +407,7 @@ def jipda(log_ratio, existence, detect):
     for t in range(T):
         missed = 1.0 - detect[t] * existence[t]
         beta[t, 0] *= (1.0 - detect[t]) * existence[t] / missed if missed > 0.0 else 0.0
-        posterior[t] = 0.0
-        for m in range(M + 1):
-            posterior[t] += beta[t, m]
+        posterior[t] = beta[t].sum()
         if posterior[t] > 0.0:
             for m in range(M + 1):
                 beta[t, m] /= posterior[t]

@@ -9,17 +9,13 @@ with mean 1 + S.  One cell, one scan, one decision lambda > eta:
     P_d = exp(-eta / (1 + S))       S = eta / ln(1 / P_d) - 1       ``detection_probability``
         = P_f ** (1 / (1 + S))                                      ``required_snr``
 
-The amplitude |x| / sigma_n itself is then Rayleigh, with second moment 1 and 1 + S.
-
 What remains of the power above the threshold, lambda - eta, is exponential again, with mean 1 under
-noise and 1 + S with a target.  It says how much more a plot looks like the target than like a false
-alarm, ``amplitude_ratio``, whatever the threshold and the false-alarm probability were.
+noise and 1 + S with a target, whatever P_f is.  ``amplitude_ratio`` says how much more a plot looks
+like the target than like a false alarm.
 
 Signal-to-noise ratios are linear power ratios; ``to_db`` and ``from_db`` convert.  All of these
 take scalars or arrays; NaN and values outside the range that they name are a ValueError.
-
-A tracker looks at the cells inside a gate only, and a gate cuts through cells.  ``false_plot``
-draws the false alarms of such a gate, cell by cell and from one uniform number.
+``false_plot`` draws the false alarms of a gate that cuts through cells, from one uniform number.
 """
 
 import itertools

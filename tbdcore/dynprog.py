@@ -1,19 +1,16 @@
 """Max-product dynamic programming for track-before-detect: forward pass and back-trace.
 
 For each state of frame k only the best way to reach it is kept (Wan, Wang and Wu 2013, eqs. 4, 12,
-16):
-
-    I_k(x) = z_k(x) + max over predecessors x' of x of  g(x'|x) I_{k-1}(x')
+16):  I_k(x) = z_k(x) + max over predecessors x' of x of  g(x'|x) I_{k-1}(x')
 
 A state is (iv, jv, i, j): two velocity indices and two cell indices.  Index iv is the velocity
-``lowest_velocity + iv`` in cells per frame; an algorithm without velocity has one index and
-``lowest_velocity = 0``.  The predecessors of a state have the velocity v' = v + r and the position
-i - v' + m: r is the change of velocity, m the position slack, and the same on the other axis.
+``lowest_velocity + iv`` in cells per frame; an algorithm without velocity has one index, of
+velocity 0.  The predecessors of a state have the velocity v' = v + r and the position i - v' + m:
+r is the change of velocity, m the position slack, and the same on the other axis.
 
 ``position``, ``velocity``  weights of the slacks: an odd number, the middle one for slack 0, and 0
-                            for a slack that is not allowed.  Conventional: ``ones(2M+1)``, one
-                            velocity.  Tonissen: ``(0, 1, 1)``, velocity kept.  State-weighted:
-                            ``(a, 1, a)`` both.
+                            for a slack left out.  Conventional: ``ones(2M+1)``, one velocity.
+                            Tonissen: ``(0, 1, 1)``, velocity kept.  State-weighted: ``(a, 1, a)``.
 ``box_forward``             predecessors keep their velocity and all count the same (eqs. 6, 7)
 ``weighted_forward``        slack of one cell and one velocity, weight = product of four factors
                             (eqs. 8, 10 with deviation |m|)
@@ -22,17 +19,16 @@ i - v' + m: r is the change of velocity, m the position slack, and the same on t
 ``*_path``                  the best path that ends in one state (eqs. 5, 13, 17, 19)
 
 A maximum over products with positive weights is separable: 81 predecessors cost 6 + 6 operations.
-An empty maximum is -inf: a state that cannot be reached is -inf.
-
-Frames and value maps have a margin of -inf (``margin``), at least as wide as the longest step.
-Maps have shape (V, V, X, Y) with X = Nx + 2 margins: a step along an axis is a shift of one
-contiguous array.  The maps of all frames are kept, and the back-trace takes the argmax again, in
-the forward pass's order of operations, so that both agree to the last bit.  Frames, maps and
-weights are contiguous arrays of one type, float32 or float64.
+A state that cannot be reached is -inf, and so is the margin of frames and value maps (``margin``),
+at least as wide as the longest step.  Maps have shape (V, V, X, Y) with X = Nx + 2 margins: a step
+along an axis is a shift of one contiguous array.  The maps of all frames are kept, and the
+back-trace takes the argmax again, in the forward pass's order of operations, so that both agree to
+the last bit.  Frames, maps and weights are contiguous arrays of one type, float32 or float64.
 """
 
 import functools
 import itertools
+import operator
 
 import numpy as np
 from numba.core.errors import NumbaError
@@ -47,8 +43,7 @@ def margin(frames, width):
     frames, width = np.asarray(frames), checks.integer("width", width, 0)
     if frames.ndim != 3 or 0 in frames.shape:
         raise ValueError(f"frames: shape {frames.shape}; stack them to (K, Nx, Ny), none empty")
-    if frames.dtype.char not in "fd":
-        frames = checks.reals("frames", frames, "K", "Nx", "Ny")
+    frames = checks.reals("frames", frames, "K", "Nx", "Ny")
     K, Nx, Ny = frames.shape
     framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
     if _surround(np.ascontiguousarray(frames), width, framed):
@@ -80,8 +75,7 @@ def check_weights(slack, name="slack"):
     if slack.size % 2 == 0:
         raise ValueError(f"{name}: {slack.size} weights are an even window; give 2 d + 1, -d..d")
     if not (np.isfinite(slack).all() and (slack >= 0).all() and slack[slack.size // 2] > 0):
-        words = "must be finite, none negative, the middle one positive"
-        raise ValueError(f"{name}: weights {slack.tolist()} {words}")
+        raise ValueError(f"{name}: {slack.tolist()}; give finite weights >= 0, the middle one > 0")
     return slack
 
 
@@ -108,32 +102,34 @@ def _one_type(compiled):
 @kernel
 def _check_weights(weights, shape, least):
     """Raise ValueError unless the odd number of weights is in [least, inf), the middle one > 0."""
-    if (
-        weights.shape != shape
-        or weights.size % 2 == 0
-        or not weights.ravel()[weights.size // 2] > 0
-    ):
+    n = weights.size
+    if weights.shape != shape or n % 2 == 0 or not weights.ravel()[n // 2] > 0:
         raise ValueError("weights: give 2 d + 1, (3,) or (3, 3) weights, the middle one positive")
-    if not least <= weights.min() <= weights.max() < np.inf:
-        raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
+    for weight in weights.ravel():
+        if not least <= weight < np.inf:
+            raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
 
 
 @kernel
 def _check_prices(position, velocity):
     """Raise ValueError unless there are three prices each, the middle one finite."""
     for price in (position, velocity):
-        if price.size != 3 or not (price.min() >= 0 and price[1] < np.inf):
+        if price.size != 3 or not (0 <= price[1] < np.inf and price[0] >= 0 and price[2] >= 0):
             raise ValueError("position, velocity: give three prices each >= 0, the middle finite")
 
 
 @kernel
-def _check_room(z, I, slack, lowest, reach):
-    """Raise ValueError unless the frames fit the maps and no step leaves the margin."""
+def _begin(z, I, slack, lowest, reach):
+    """The first map; ValueError unless the frames fit the maps and no step leaves the margin."""
     (_, V, W, X, Y), least = I.shape, min(z.shape[1], z.shape[2])
     if z.shape != (len(I), X, Y) or V != W or I.size == 0:
         raise ValueError("I: maps must be (K, V, V, X, Y) for frames (K, X, Y) in their margin")
     if not (slack <= reach < (least + 1) // 2 and slack - reach <= lowest <= reach - slack - V + 1):
         raise ValueError("reach: a step leaves the margin; use margin(frames, longest step)")
+    first = z[0].reshape(X * Y)
+    for values in I[0].reshape(V * V, X * Y):  # eq. (14): every velocity has the cell's value
+        for x in range(X * Y):  # the same as I[0] = z[0], which takes seconds to compile
+            values[x] = first[x]
 
 
 @kernel
@@ -141,11 +137,9 @@ def _check_state(I, state, lowest):
     """Raise ValueError unless state (iv, jv, i, j) is one of the maps I (K, V, V, X, Y)."""
     if I.size == 0 or I.shape[1] != I.shape[2] or abs(lowest) > I.size:
         raise ValueError("I: maps must be (K, V, V, X, Y), K at least 1")
-    if len(state) != 4:
-        raise ValueError("state: give (iv, jv, i, j)")
     for axis in range(4):
-        if not 0 <= state[axis] < I.shape[axis + 1]:
-            raise ValueError("state: no such index (iv, jv, i, j) in the maps")
+        if len(state) != 4 or not 0 <= state[axis] < I.shape[axis + 1]:
+            raise ValueError("state: give four indices (iv, jv, i, j) into the maps")
 
 
 # Loops over one contiguous plane
@@ -223,12 +217,6 @@ def _raise_products(target, source, step, weight):
 
 
 @kernel
-def _edge(plane, lo, n):
-    """Set all but the n elements from lo on to -inf."""
-    plane[:lo] = plane[lo + n :] = -np.inf
-
-
-@kernel
 def _allowed(weight):
     """Index of the first positive weight, and how many there are; refuses a gap between them."""
     first, count = 0, 0
@@ -244,26 +232,20 @@ def _allowed(weight):
 
 
 def _dense(z, table, lowest_velocity, I, combine):
-    """All value maps by the dense stage; table (position slack, velocity change), NaN: left out."""
-    I[0] = z[0]
+    """All value maps from all predecessors; table (position slack, velocity change), NaN: none."""
+    I[0], V, slacks = z[0], I.shape[1], list(np.ndindex(table.shape))
+    dm, dr = np.array(table.shape) // 2
     for k in range(1, len(z)):
-        _dense_stage(I[k - 1], z[k], table, lowest_velocity, I[k], combine)
+        I[k] = -np.inf
+        for iv, jv, (m, r), (n, s) in itertools.product(range(V), range(V), slacks, slacks):
+            u, w = iv + r - dr, jv + s - dr
+            if 0 <= u < V and 0 <= w < V:
+                step = lowest_velocity + u - m + dm, lowest_velocity + w - n + dm
+                moved = np.roll(I[k - 1, u, w], step, axis=(0, 1))
+                value = combine(combine(moved, table[n, s]), table[m, r])
+                np.fmax(I[k, iv, jv], value, out=I[k, iv, jv])  # NaN is never the larger one
+        I[k] += z[k]
     return I
-
-
-def _dense_stage(previous, frame, table, lowest_velocity, out, combine):
-    """Every predecessor of every state, whole planes at a time."""
-    V, (dm, dr) = len(previous), np.array(table.shape) // 2
-    out[:] = -np.inf
-    slacks = (np.argwhere(~np.isnan(table)) - (dm, dr)).tolist()
-    for iv, jv, (m, r), (n, s) in itertools.product(range(V), range(V), slacks, slacks):
-        u, w = iv + r, jv + s
-        if 0 <= u < V and 0 <= w < V:
-            step = lowest_velocity + u - m, lowest_velocity + w - n
-            moved = np.roll(previous[u, w], step, axis=(0, 1))
-            value = combine(combine(moved, table[n + dm, s + dr]), table[m + dm, r + dr])
-            np.maximum(out[iv, jv], value, out=out[iv, jv])
-    out += frame
 
 
 def _candidates(previous, state, table, lowest_velocity, combine):
@@ -299,20 +281,19 @@ def _box_stage(previous, frame, position, lowest, reach, out, work):
     lo, n = reach * Y, frame.size - 2 * reach * Y
     first, count = _allowed(position)
     z, rows, more = frame.reshape(frame.size), work[0], work[1:]
-    _edge(rows, lo, n)
+    rows[:lo] = rows[lo + n :] = -np.inf
     for iv in range(V):
         for jv in range(V):
             source, target = previous[iv, jv].reshape(frame.size), out[iv, jv].reshape(frame.size)
             _window(rows[lo:][:n], source, lo + first - d - lowest - jv, 1, count, z[:0], more)
             start = lo + (first - d - lowest - iv) * Y
             _window(target[lo:][:n], rows, start, Y, count, z[lo:], more)
-            _edge(target, lo, n)
+            target[:lo] = target[lo + n :] = -np.inf
 
 
 def box_forward_spec(z, position, lowest_velocity, reach, I):
     """Specification of :func:`box_forward`: all pairs of slacks."""
-    table = np.where(position > 0, 1.0, np.nan)[:, None]
-    return _dense(z, table, lowest_velocity, I, np.multiply)
+    return coupled_forward_spec(z, position[:, None] > 0, lowest_velocity, reach, I)
 
 
 @_one_type
@@ -326,17 +307,11 @@ def box_forward(z, position, lowest_velocity, reach, I):
         fastest velocity.
     """
     _check_weights(position, (position.size,), 0)
-    _check_room(z, I, position.size // 2, lowest_velocity, reach)
+    _begin(z, I, position.size // 2, lowest_velocity, reach)
     work = np.empty((3, z.shape[1] * z.shape[2]), I.dtype)
-    I[0] = z[0]  # eq. (14): every velocity has the value of the cell
     for k in range(1, len(z)):
         _box_stage(I[k - 1], z[k], position, lowest_velocity, reach, I[k], work)
     return I
-
-
-@kernel
-def _flat(a):
-    return a.reshape(a.size)
 
 
 def _extended(best):
@@ -346,22 +321,21 @@ def _extended(best):
     def forward(z, position, velocity, lowest, reach, I):
         V, size, Y = I.shape[1], z[0].size, z.shape[2]
         lo, n = reach * Y, size - 2 * reach * Y
-        rows = np.full((V + 2, n), -np.inf).astype(I.dtype)  # velocity v in row v + 1
-        I[0] = z[0]  # eq. (14): every velocity has the value of the cell
+        rows = np.full((V + 2) * n, -np.inf).astype(I.dtype)  # velocity v in row v + 1
         for k in range(1, len(z)):
-            old, new = _flat(I[k - 1]), _flat(I[k])
-            for plane in range(V * V):
-                _edge(new[plane * size :][:size], lo, n)
+            old, new = I[k - 1].reshape(V * V * size), I[k].reshape(V * V * size)
+            for plane in new.reshape(V * V, size):
+                plane[:lo] = plane[lo + n :] = -np.inf
             for across, along, step in ((V * size, size, 1), (size, V * size, Y)):
                 for start in range(lo, lo + V * across, across):
                     for v in range(V):
                         source = old[start + v * along - (lowest + v + 1) * step :]
-                        best(rows[v + 1], source, step, position)
+                        best(rows[(v + 1) * n :][:n], source, step, position)
                     for v in range(V):
                         target = new[start + v * along :][:n]
-                        best(target, _flat(rows)[v * n :], n, velocity)
+                        best(target, rows[v * n :], n, velocity)
                         if step > 1:
-                            target += _flat(z[k])[lo:][:n]
+                            target += z[k].reshape(size)[lo:][:n]
                 old = new
         return I
 
@@ -373,9 +347,7 @@ _weighted, _penalised = _extended(_best_product), _extended(_best_difference)
 
 def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I):
     """Specification of :func:`weighted_forward`: all 81 predecessors of every state."""
-    table = np.outer(position, velocity)
-    table[table == 0] = np.nan
-    return _dense(z, table, lowest_velocity, I, np.multiply)
+    return coupled_forward_spec(z, np.outer(position, velocity), lowest_velocity, reach, I)
 
 
 @_one_type
@@ -388,7 +360,7 @@ def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
     """
     _check_weights(position, (3,), 0)
     _check_weights(velocity, (3,), 0)
-    _check_room(z, I, 1, lowest_velocity, reach)
+    _begin(z, I, 1, lowest_velocity, reach)
     return _weighted(z, position, velocity, lowest_velocity, reach, I)
 
 
@@ -406,7 +378,7 @@ def penalised_forward(z, position, velocity, lowest_velocity, reach, I):
     lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
     _check_prices(position, velocity)
-    _check_room(z, I, 1, lowest_velocity, reach)
+    _begin(z, I, 1, lowest_velocity, reach)
     return _penalised(z, position, velocity, lowest_velocity, reach, I)
 
 
@@ -432,7 +404,7 @@ def _coupled_stage(previous, frame, table, lowest, reach, out, rows):
 
 def coupled_forward_spec(z, table, lowest_velocity, reach, I):
     """Specification of :func:`coupled_forward`: all 81 predecessors of every state."""
-    return _dense(z, table, lowest_velocity, I, np.multiply)
+    return _dense(z, np.where(table > 0, table, np.nan), lowest_velocity, I, np.multiply)
 
 
 @_one_type
@@ -444,9 +416,8 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
     """
     _check_weights(table, (3, 3), TINY)
-    _check_room(z, I, 1, lowest_velocity, reach)
+    _begin(z, I, 1, lowest_velocity, reach)
     rows = np.full((I.shape[1], z.shape[1] * z.shape[2]), -np.inf).astype(I.dtype)
-    I[0] = z[0]  # eq. (14): every velocity has the value of the cell
     for k in range(1, len(z)):
         _coupled_stage(I[k - 1], z[k], table, lowest_velocity, reach, I[k], rows)
     return I
@@ -455,18 +426,8 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
 # Back-trace
 
 
-@kernel
-def _times(weight, value):
-    return weight * value
-
-
-@kernel
-def _less(price, value):
-    return value - price
-
-
-def _trace(apply):
-    """The back-trace of a family: apply multiplies by a weight, or subtracts a price."""
+def _trace(combine):
+    """The back-trace of a family: a value is combined with a weight by mul, with a price by sub."""
 
     @kernel
     def predecessor(previous, state, position, table, lowest):
@@ -486,8 +447,8 @@ def _trace(apply):
                     for u in range(max(state[0] - c, 0), min(state[0] + c + 1, V)):
                         h, x = table[m * each, u - state[0] + c], state[2] + m - d - lowest - u
                         if 0 <= x < X:
-                            value = apply(g, apply(position[n], previous[u, w, x, y]))
-                            value = apply(h, apply(position[m], value))
+                            value = combine(combine(previous[u, w, x, y], position[n]), g)
+                            value = combine(combine(value, position[m]), h)
                             if value > best:
                                 best, found = value, (u, w, x, y)
         return found
@@ -506,14 +467,12 @@ def _trace(apply):
     return path
 
 
-_best_path, _cheapest_path = _trace(_times), _trace(_less)
+_best_path, _cheapest_path = _trace(operator.mul), _trace(operator.sub)
 
 
 def weighted_path_spec(I, state, position, velocity, lowest_velocity):
     """Specification of :func:`weighted_path`: argmax over all predecessors, frame by frame."""
-    table = np.outer(position, velocity)
-    table[table == 0] = np.nan
-    return _path_of(I, state, table, lowest_velocity, np.multiply)
+    return coupled_path_spec(I, state, np.outer(position, velocity), lowest_velocity)
 
 
 @_one_type
@@ -546,7 +505,7 @@ def penalised_path(I, state, position, velocity, lowest_velocity):
 
 def coupled_path_spec(I, state, table, lowest_velocity):
     """Specification of :func:`coupled_path`: argmax over all predecessors, frame by frame."""
-    return _path_of(I, state, table, lowest_velocity, np.multiply)
+    return _path_of(I, state, np.where(table > 0, table, np.nan), lowest_velocity, np.multiply)
 
 
 @_one_type

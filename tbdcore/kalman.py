@@ -14,22 +14,22 @@ and these five functions take one track or any stack of tracks on leading axes, 
 
 ``two_point``, ``predict_cv``, ``gate_polar`` and ``update_polar`` are the same step compiled: for
 one track, in place, with the zeros of F and H left out.  Called from another kernel, the last three
-check nothing, which would double their time.  Their specifications are the formulas above.
+check nothing, which would double their time.
 
-A plot in metres is a linear measurement of the position, whose noise depends on where the target
-is: ``gate_tracks`` evaluates it at the predicted positions of several tracks.  ``predict_tracks``
-and ``update_mixture`` take the same tracks through a scan whose plots carry association weights.
+``predict_tracks``, ``gate_tracks`` and ``update_mixture`` take several tracks through a scan whose
+plots carry association weights.  Their plots are in metres, linear measurements of the position.
 
 All functions raise ValueError for NaN and infinity, for an innovation covariance that is not
 positive definite, and for a target at the radar, where azimuth has no meaning.
 
-The covariance mixes metres, metres per second and ellipses a thousand times longer than wide;
-``update`` therefore uses Joseph's form, and the compiled one symmetrises by construction.  Start a
-track from two plots (``two_point``): after one plot the prediction may be kilometres off across the
-line of sight, and an error e there makes the linearisation err in range by e**2 / 2 r.
+The covariance mixes metres, metres per second and ellipses a thousand times longer than wide:
+``update`` uses Joseph's form, the compiled one symmetrises by construction.  Start a track from two
+plots (``two_point``): after one the prediction may be kilometres off across the line of sight, and
+an error e there makes the linearisation err in range by e**2 / 2 r.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from numba import literal_unroll
@@ -231,6 +231,7 @@ def _predict_cv(x, P, T, q):
     return x, P
 
 
+@partial(checks.typed, inside=_predict_cv)
 @kernel
 def predict_cv(x, P, T, q):
     """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
@@ -240,9 +241,6 @@ def predict_cv(x, P, T, q):
     numbers = float(T), float(q)
     _check_step(x, P, numbers)
     return _finite_parts(_predict_cv(x, P, *numbers))
-
-
-predict_cv = checks.typed(predict_cv, _predict_cv)
 
 
 def gate_polar_spec(x, P, var_r, var_a):
@@ -261,15 +259,13 @@ def _gate_polar(x, P, var_r, var_a):
     return r, math.atan2(x[2], x[0]), D11, D12, D22
 
 
+@partial(checks.typed, inside=_gate_polar)
 @kernel
 def gate_polar(x, P, var_r, var_a):
     """(range, azimuth, D_11, D_12, D_22) of x (4,), P (4, 4), var_r in m^2 and var_a in rad^2."""
     numbers = float(var_r), float(var_a)
     _check_step(x, P, numbers)
     return _finite_parts(_gate_polar(x, P, *numbers))
-
-
-gate_polar = checks.typed(gate_polar, _gate_polar)
 
 
 def update_polar_spec(x, P, y_r, y_a, var_r, var_a):
@@ -302,6 +298,7 @@ def _update_polar(x, P, y_r, y_a, var_r, var_a):
     return x, P
 
 
+@partial(checks.typed, inside=_update_polar)
 @kernel
 def update_polar(x, P, y_r, y_a, var_r, var_a):
     """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
@@ -313,9 +310,6 @@ def update_polar(x, P, y_r, y_a, var_r, var_a):
     return _finite_parts(_update_polar(x, P, *numbers))
 
 
-update_polar = checks.typed(update_polar, _update_polar)
-
-
 def predict_tracks_spec(x, P, F, Q):
     """:func:`predict`, whose arguments may be stacks."""
     return predict(x, P, F, Q)
@@ -324,12 +318,11 @@ def predict_tracks_spec(x, P, F, Q):
 @kernel
 def predict_tracks(x, P, F, Q):
     """Means (T, 4), covariances (T, 4, 4) one scan later, F (T, 4, 4) by track, Q (4, 4) common."""
-    if x.ndim != 2 or P.ndim != 3 or F.ndim != 3 or Q.ndim != 2 or x.shape[1] != 4:
+    T = x.size // 4
+    fit = x.shape + P.shape + F.shape + Q.shape == (T, 4, T, 4, 4, T, 4, 4, 4, 4)
+    if x.ndim != 2 or P.ndim != 3 or F.ndim != 3 or Q.ndim != 2 or not fit:
         raise ValueError("kalman.predict_tracks: give x (T, 4), P and F (T, 4, 4), Q (4, 4)")
-    T, FP = x.shape[0], np.empty((4, 4))
-    if P.shape != (T, 4, 4) or F.shape != P.shape or Q.shape != (4, 4):
-        raise ValueError("kalman.predict_tracks: give x (T, 4), P and F (T, 4, 4), Q (4, 4)")
-    mean, cov = np.zeros((T, 4)), np.empty((T, 4, 4))
+    mean, cov, FP = np.zeros((T, 4)), np.empty((T, 4, 4)), np.empty((4, 4))
     for t in range(T):
         for i in range(4):
             for j in range(4):
@@ -396,12 +389,10 @@ def update_mixture(x, P, D, z, beta):
     m, ``beta`` (T, M + 1) weights, first that of no plot.  The mixture of the updates is replaced
     by its mean and covariance; all plots share one gain.
     """
-    if x.ndim != 2 or P.ndim != 3 or D.ndim != 3 or z.ndim != 2 or beta.ndim != 2:
-        raise ValueError("kalman.update_mixture: give x, z, beta as tables, P, D as stacks of them")
-    T, M, K = x.shape[0], z.shape[0], np.empty((4, 2))
-    if x.shape[1] != 4 or P.shape != (T, 4, 4) or D.shape != (T, 2, 2):
+    T, M, K, shapes = x.size // 4, z.size // 2, np.empty((4, 2)), x.shape + P.shape + D.shape
+    if x.ndim != 2 or P.ndim != 3 or D.ndim != 3 or shapes != (T, 4, T, 4, 4, T, 2, 2):
         raise ValueError("kalman.update_mixture: give x (T, 4), P (T, 4, 4), D (T, 2, 2)")
-    if z.shape[1] != 2 or beta.shape != (T, M + 1):
+    if z.ndim != 2 or beta.ndim != 2 or z.shape + beta.shape != (M, 2, T, M + 1):
         raise ValueError("kalman.update_mixture: give plots (M, 2) and weights (T, M + 1)")
     mean, cov = np.empty((T, 4)), np.empty((T, 4, 4))
     for t in range(T):

@@ -7,18 +7,16 @@ seconds, turn rates are in radians per second, positive from +x towards +y.
 **Straight and white.**  A target of constant velocity moves by ``F = cv(T)``, and its deviations
 from a straight line are accelerations, constant during one step, independent from step to step.
 
-**Turning.**  Between two frames the velocity turns by the angle omega T and the target moves along
-the arc.  Its matrix is usually printed with sin(omega T) / omega and (1 - cos(omega T)) / omega,
-which a computer cannot evaluate at omega = 0 and evaluates badly near it.  With h = omega T / 2 and
-the chord f = T sin(h) / h, which tends to T, the same two entries are
-
-    sin(omega T) / omega = f cos(h),        (1 - cos(omega T)) / omega = f sin(h).
+**Turning.**  Between two frames the velocity turns by the angle omega T.  The matrix is usually
+printed with sin(omega T) / omega and (1 - cos(omega T)) / omega, which a computer evaluates badly
+near omega = 0.  With h = omega T / 2 and the chord f = T sin(h) / h, which tends to T, the two
+entries are f cos(h) and f sin(h).
 
 **Regimes.**  Whether there is a target and which law it follows is a Markov chain, one row of
 ``Pi`` per regime it comes from.  ``transition`` moves many particles in one pass, first the regime,
 by one uniform draw each, then the state by that regime: 0 absent (the state is left alone), 1
-constant velocity, 2 coordinated turn with the particle's own rate.  ``box_states`` makes states
-from draws where the law of a birth is a box in position and velocity.
+constant velocity, 2 coordinated turn with the particle's own rate.  ``box_states`` draws states
+from a law of birth that is a box in position and velocity.
 """
 
 import math
@@ -145,9 +143,8 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
     redraw : if True, the born are not moved, the caller draws their states; if False they go on
         from the state they have, and the list of the born is empty
     """
-    if S.ndim != 2 or u.ndim != 1 or a.ndim != 2 or Pi.ndim != 2 or omegas.ndim != 2:
-        raise ValueError("motion.transition: give r (N,), S (N, 5), Pi (3, 3), u (N,), a (N, 2)")
-    if S.shape != (r.size, 5) or u.size != r.size or a.shape != (r.size, 2) or Pi.shape != (3, 3):
+    fit = S.shape + u.shape + a.shape + Pi.shape == (r.size, 5, r.size, r.size, 2, 3, 3)
+    if S.ndim != 2 or u.ndim != 1 or a.ndim != 2 or Pi.ndim != 2 or omegas.ndim != 2 or not fit:
         raise ValueError("motion.transition: give r (N,), S (N, 5), Pi (3, 3), u (N,), a (N, 2)")
     for i in range(3):
         if not (Pi[i].min() >= 0.0 and abs(Pi[i].sum() - 1.0) <= 1e-9 and abs(T) < np.inf):

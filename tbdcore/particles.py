@@ -3,13 +3,11 @@
 A filter carries ``N`` particles: states ``S`` (N, d) and one log-weight ``lw[n]`` each, because one
 frame can be worth a factor e**30 and forty frames in a row overflow a float.
 
-==============================  ==================================================================
-``normalise(lw)``               the weights ``W``, which sum to one, and the log of the mean weight
-``effective_size(W)``           1 / sum W**2, from 1 (degenerate) to N (equal weights)
-``systematic(W, M, u)``         ancestors of M resampled particles
-``resample(lw, M, u)``          the three above in one pass
-``copy_particles(r, S, n)``     the resampled particles, their number in each regime, the mean state
-==============================  ==================================================================
+``normalise(lw)``            the weights ``W``, which sum to one, and the log of the mean weight
+``effective_size(W)``        1 / sum W**2, from 1 (degenerate) to N (equal weights)
+``systematic(W, M, u)``      ancestors of M resampled particles
+``resample(lw, M, u)``       the three above in one pass
+``copy_particles(r, S, n)``  the resampled particles, their number in each regime, the mean state
 
 If un-normalised weights are likelihood ratios of "the target is present" against "nothing is
 there", their mean is the ratio L of the two hypotheses, and the probability of existence P is
@@ -17,11 +15,10 @@ there", their mean is the ratio L of the two hypotheses, and the probability of 
     predict   P' = p_birth (1 - P) + p_survive P                    ``existence_predict``
     update    P  = P' L / (1 - P' + P' L),   L = mean ratio         ``existence_update``
 
-Systematic resampling lays the weights end to end on a line, M arrows fall on it at equal spacing
-with one common random offset ``u``, one draw ``rng.random()``, and ``ancestors[m]`` is the particle
-that arrow m hits.  Particle n gets floor(M W[n]) or floor(M W[n]) + 1 copies, M W[n] on average,
-and none if its weight is zero.  The sum of W need not be one; an arrow that rounding would carry
-past the end hits the last particle of positive weight.
+Systematic resampling lays the weights end to end on a line; M arrows fall on it at equal spacing,
+with one common random offset ``u``, and ``ancestors[m]`` is the particle that arrow m hits.
+Particle n gets floor(M W[n]) or floor(M W[n]) + 1 copies, M W[n] on average, and none if its weight
+is zero.  An arrow that rounding would carry past the end hits the last particle of positive weight.
 
 All functions raise ValueError for NaN, for shapes that do not fit and for indices out of range.
 """
@@ -128,12 +125,7 @@ def _arrows(W, total, M, u):
         while m > 0 and (m - 1 + u) * step >= c:
             m -= 1
         passed[m] += 1
-    ancestors = np.empty(M, np.int64)
-    n = 0
-    for m in range(M):
-        n += passed[m]
-        ancestors[m] = n
-    return ancestors
+    return np.cumsum(passed[:M])
 
 
 def resample_spec(lw, M, u):

@@ -4,13 +4,9 @@ A frame is an array of cells ``z`` of shape (n_x, n_y), or (K, n_x, n_y) for K f
 **the first axis is the first index of the paper** (x, or range), the second is the second (y, or
 azimuth).  Papers count cells from 1, arrays from 0: cell (i, j) is ``z[i - 1, j - 1]``.
 
-=================  =============================================  ==================================
-section            signal in a cell                               noise in a cell
-=================  =============================================  ==================================
-Gaussian image     h: Gaussian blob, amplitude known              normal, standard deviation sigma
-Point target       all of the target's signal in one cell         any; standard normal in the paper
-Range and azimuth  power of a Gaussian blob, amplitude unknown    exponential power
-=================  =============================================  ==================================
+Gaussian image     a blob h of known amplitude in normal noise of standard deviation sigma
+Point target       all of the target's signal in one cell; any noise, standard normal in the paper
+Range and azimuth  power of a Gaussian blob of unknown amplitude in noise of exponential power
 
 Each section has a simulated frame and the log-likelihood ratio of "target at this state" against
 "noise only".  Cells are independent, and one that the target does not reach has the same factor
@@ -23,8 +19,6 @@ and variance d**2, where d**2 = sum h**2 / sigma**2 is the energy that a matched
 """
 
 import math
-from functools import partial
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -345,9 +339,8 @@ def _inside(rho, alpha, nr, na):
 def _gaussian(out, peak, tilt, fixed):
     """out[h + m] = peak tilt**m fixed[abs(m)]: no exponential per sample; 0 beyond ``fixed``."""
     h = out.size // 2
-    back = 1.0 / tilt
+    back, out[h] = 1.0 / tilt, peak
     up = down = peak
-    out[h] = peak
     for m in range(1, fixed.size):
         up *= tilt
         down *= back
@@ -414,27 +407,20 @@ def _power_log_ratio(z, rho, alpha, snr, spread):
     w = min(4 * (ha // 2) + 4, na)  # columns in the window: at least 2 ha + 1, a multiple of four
     (fr, fa), gr, padded = _decays(spread), np.zeros(2 * hr + 1), np.zeros(2 * (w + ha) + 1)
     ga = padded[w : w + 2 * ha + 1]
-    num, den = np.empty(w), np.empty(w)
-    out = np.empty(rho.size)
+    num, den, out = np.empty(w), np.empty(w), np.empty(rho.size)
     for n in range(rho.size):
-        if not _inside(rho[n], alpha[n], nr, na):
-            out[n] = -np.inf
-            continue
-        if snr[n] <= 0.0:
-            out[n] = 0.0
+        inside = _inside(rho[n], alpha[n], nr, na)
+        out[n] = 0.0 if inside else -np.inf
+        if not inside or snr[n] <= 0.0:
             continue
         top, left, h2, tilt_r, tilt_a = _patch(rho[n], alpha[n], spread)
         _gaussian(gr, snr[n] * h2, tilt_r, fr)
         _gaussian(ga, 1.0, tilt_a, fa)
         first = min(max(left, 0), na - w)
-        start = w + first - left
-        c = padded[start : start + w]
-        for k in range(w):
-            num[k] = 0.0
-            den[k] = 1.0
+        c = padded[w + first - left :][:w]
+        num[:], den[:] = 0.0, 1.0
         for i in range(max(top, 0), min(top + gr.size, nr)):
-            g = gr[i - top]
-            row = z[i, first : first + w]
+            g, row = gr[i - top], z[i, first : first + w]
             for k in range(w):
                 s = g * c[k]
                 num[k] = num[k] * (1.0 + s) + den[k] * row[k] * s
@@ -505,9 +491,7 @@ def _patch_fit(z, rho, alpha, spread):
         _gaussian(gr, h2, tilt_r, fr)
         _gaussian(ga, 1.0, tilt_a, fa)
         lo, hi = max(left, 0), min(left + ga.size, na)
-        for k in range(hi - lo):
-            column[k] = 0.0
-        energy_r = energy_a = 0.0
+        column[:] = energy_r = energy_a = 0.0
         for i in range(max(top, 0), min(top + gr.size, nr)):
             g = gr[i - top]
             energy_r += g * g
@@ -548,24 +532,13 @@ def _log_bessel(x, table):
 
 
 def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
-    """Specification of :func:`coherent_log_ratio`: adaptive quadrature over the common power."""
-    from scipy.integrate import quad  # takes half a second to import
-    from scipy.optimize import minimize_scalar
-
-    def log_density(p, h2, cells, snr):
-        x = 2.0 * np.sqrt(p * h2 * cells)
-        return (np.log(i0e(x)) + x - p * h2).sum() - p / snr
-
+    """Specification of :func:`coherent_log_ratio`: a dense sum over the log of the common power."""
     out = np.full(len(rho), -np.inf)
     for n, h2, cells in _patches(z, rho, alpha, spread):
-        f = partial(log_density, h2=h2, cells=cells, snr=snr[n])
-        best = minimize_scalar(lambda p, f=f: -f(p), bounds=(0.0, 40.0 * snr[n] + 40.0)).x
-        top, ends = f(best), (0.0, best, best + 2.0, 2.0 * best + 20.0, 80.0 * snr[n] + 80.0)
-        area = [
-            quad(lambda p, f=f, top=top: np.exp(f(p) - top), *e, epsabs=0, epsrel=1e-10)[0]
-            for e in pairwise(ends)
-        ]
-        out[n] = top + np.log(sum(area) / snr[n])
+        p = snr[n] * np.geomspace(1e-12, 80.0 + 80.0 / snr[n], 5000)
+        x = 2.0 * np.sqrt(np.outer(p, h2 * cells))
+        f = np.log(p / snr[n]) - p / snr[n] + (np.log(i0e(x)) + x - np.outer(p, h2)).sum(axis=1)
+        out[n] = f.max() + np.log(np.exp(f - f.max()).sum() * np.log(p[1] / p[0]))
     return out
 
 
@@ -599,8 +572,7 @@ def _coherent(z, rho, alpha, snr, spread, step, table):
             for c in range(cells):
                 term += _log_bessel(b * x[c], table)
             if term > best:
-                total = total * math.exp(best - term) + 1.0
-                best = term
+                total, best = total * math.exp(best - term) + 1.0, term
             else:
                 total += math.exp(term - best)
                 if not term >= best - 20.0:  # a NaN ends it too

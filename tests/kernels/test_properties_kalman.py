@@ -163,7 +163,7 @@ H, ONE = np.eye(4)[::2], np.ones((1, 1))
         ("predict_tracks", (X[None], P[None] * np.nan, P[None], P), "NaN"),
         ("update_mixture", (X[None], P[None], P[None, :2, :2], X[None, :2], ONE), "weights"),
         ("update_mixture", (X[None], P[None], P[None], X[None, :2], ONE), "give x"),
-        ("update_mixture", (X, P[None], P[None], X[None, :2], ONE), "tables"),
+        ("update_mixture", (X, P[None], P[None], X[None, :2], ONE), "give x"),
         (
             "update_mixture",
             (X[None], P[None], 0 * P[None, :2, :2], X[:0].reshape(0, 2), ONE),

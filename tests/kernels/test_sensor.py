@@ -299,7 +299,7 @@ def test_least_squares_fit_of_a_mismatched_spread():
         assert top[0] / bottom[0] / 5.0 == pytest.approx(2 * c / (1 + c), rel=1e-4)
 
 
-def test_coherent_ratio_equals_adaptive_quadrature():
+def test_coherent_ratio_equals_a_dense_sum():
     rng = np.random.default_rng(7)
     z = rng.standard_exponential((1, 20, 25))
     sensor.add_target(z, np.array([9.7]), np.array([12.2]), np.array([30.0]), SPREAD, rng)

@@ -124,8 +124,8 @@ FAULTS = [
     Plant(
         "a resampler off by one",
         "tbdcore/particles.py",
-        "        n += passed[m]\n        ancestors[m] = n\n",
-        "        ancestors[m] = n\n        n += passed[m]\n",
+        "return np.cumsum(passed[:M])",
+        "return np.cumsum(passed[:M]) - passed[:M]",
         "kernels/test_particles.py::test_copies_differ_from_their_mean_by_less_than_one",
     ),
     Plant(
