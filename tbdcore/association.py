@@ -326,9 +326,7 @@ def _potentials(log_w, log_miss):
         while j0 != M + T:
             row[j0] = row[back[j0]]
             j0 = back[j0]
-    for t in range(T):
-        a[t] += v[M + t]
-    return a, v[:M].copy()
+    return a + v[M : M + T], v[:M].copy()
 
 
 @kernel

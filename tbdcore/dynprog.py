@@ -103,9 +103,9 @@ def _one_type(compiled):
 def _check_weights(weights, shape, least):
     """Raise ValueError unless the odd number of weights is in [least, inf), the middle one > 0."""
     n = weights.size
-    if weights.shape != shape or n % 2 == 0 or not weights.ravel()[n // 2] > 0:
+    if weights.shape != shape or n % 2 == 0 or not weights.flat[n // 2] > 0:
         raise ValueError("weights: give 2 d + 1, (3,) or (3, 3) weights, the middle one positive")
-    for weight in weights.ravel():
+    for weight in weights.flat:
         if not least <= weight < np.inf:
             raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
 
@@ -285,9 +285,9 @@ def _box_stage(previous, frame, position, lowest, reach, out, work):
     for iv in range(V):
         for jv in range(V):
             source, target = previous[iv, jv].reshape(frame.size), out[iv, jv].reshape(frame.size)
-            _window(rows[lo:][:n], source, lo + first - d - lowest - jv, 1, count, z[:0], more)
+            _window(rows[lo : lo + n], source, lo + first - d - lowest - jv, 1, count, z[:0], more)
             start = lo + (first - d - lowest - iv) * Y
-            _window(target[lo:][:n], rows, start, Y, count, z[lo:], more)
+            _window(target[lo : lo + n], rows, start, Y, count, z[lo:], more)
             target[:lo] = target[lo + n :] = -np.inf
 
 
@@ -330,12 +330,12 @@ def _extended(best):
                 for start in range(lo, lo + V * across, across):
                     for v in range(V):
                         source = old[start + v * along - (lowest + v + 1) * step :]
-                        best(rows[(v + 1) * n :][:n], source, step, position)
+                        best(rows[(v + 1) * n : (v + 2) * n], source, step, position)
                     for v in range(V):
                         target = new[start + v * along :][:n]
                         best(target, rows[v * n :], n, velocity)
                         if step > 1:
-                            target += z[k].reshape(size)[lo:][:n]
+                            target += z[k].reshape(size)[lo : lo + n]
                 old = new
         return I
 
@@ -389,17 +389,17 @@ def _coupled_stage(previous, frame, table, lowest, reach, out, rows):
     z, planes = frame.reshape(size), out.reshape(V, V, size)
     for jv in range(V):
         for u in range(V):
-            rows[u, lo:][:n] = -np.inf
+            rows[u, lo : lo + n] = -np.inf
             for w in range(max(jv - 1, 0), min(jv + 2, V)):
                 source = previous[u, w].reshape(size)[lo - lowest - w - 1 :]
-                _raise_products(rows[u, lo:][:n], source, 1, table[:, w - jv + 1])
+                _raise_products(rows[u, lo : lo + n], source, 1, table[:, w - jv + 1])
         for iv in range(V):
-            target = planes[iv, jv, lo:][:n]
+            target = planes[iv, jv, lo : lo + n]
             planes[iv, jv] = -np.inf
             for u in range(max(iv - 1, 0), min(iv + 2, V)):
                 source = rows[u, lo - (lowest + u + 1) * Y :]
                 _raise_products(target, source, Y, table[:, u - iv + 1])
-            target += z[lo:][:n]
+            target += z[lo : lo + n]
 
 
 def coupled_forward_spec(z, table, lowest_velocity, reach, I):

@@ -80,12 +80,14 @@ def _turn_rate(v, omegas):
 
 @kernel
 def _check_intervals(omegas):
-    """Raise ValueError unless omegas holds two finite intervals (2, 2)."""
-    valid = omegas.shape == (2, 2)
+    """Total length of the intervals; ValueError unless omegas (2, 2) holds two finite ones."""
+    valid, total = omegas.shape == (2, 2), 0.0
     for low, high in omegas:
         valid &= -np.inf < low <= high < np.inf
+        total += high - low
     if not valid:
         raise ValueError("motion: the turn rates are two intervals (2, 2), lower end first")
+    return total
 
 
 def box_states_spec(u, low, width, omegas):
@@ -146,18 +148,17 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
     fit = S.shape + u.shape + a.shape + Pi.shape == (r.size, 5, r.size, r.size, 2, 3, 3)
     if S.ndim != 2 or u.ndim != 1 or a.ndim != 2 or Pi.ndim != 2 or omegas.ndim != 2 or not fit:
         raise ValueError("motion.transition: give r (N,), S (N, 5), Pi (3, 3), u (N,), a (N, 2)")
-    for i in range(3):
-        if not (Pi[i].min() >= 0.0 and abs(Pi[i].sum() - 1.0) <= 1e-9 and abs(T) < np.inf):
+    for p, q, w in Pi:
+        if not (min(p, q, w) >= 0.0 and abs(p + q + w - 1.0) <= 1e-9 and abs(T) < np.inf):
             raise ValueError("motion.transition: a row of Pi does not sum to 1, or T is not finite")
-    if len(omegas):
-        _check_intervals(omegas)
+    both = _check_intervals(omegas) if len(omegas) else 0.0
     after, born, b = np.empty_like(r), np.empty(r.size, np.int64), 0
-    first, second, both = Pi[:, 0].copy(), Pi[:, 0] + Pi[:, 1], (omegas[:, 1] - omegas[:, 0]).sum()
     for n in range(r.size):
         before = r[n]
         if not (0 <= before <= 2 and 0.0 <= u[n] < 1.0):
             raise ValueError("motion.transition: a regime is not 0, 1, 2, or a draw not in [0, 1)")
-        after[n] = int(u[n] >= first[before]) + int(u[n] >= second[before])
+        first, second = Pi[before, 0], Pi[before, 0] + Pi[before, 1]
+        after[n] = int(u[n] >= first) + int(u[n] >= second)
         if after[n] == 0:
             continue
         if before == 0 and redraw:
@@ -167,7 +168,7 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
         along, aside, c, s = T, 0.0, 1.0, 0.0
         if after[n] == 2:
             if before == 1 and len(omegas):
-                S[n, 4] = _turn_rate((u[n] - second[1]) / (1.0 - second[1]) * both, omegas)
+                S[n, 4] = _turn_rate((u[n] - second) / (1.0 - second) * both, omegas)
             h = 0.5 * S[n, 4] * T
             sh, ch = math.sin(h), math.cos(h)
             f = T * sh / h if h != 0.0 else T
