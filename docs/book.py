@@ -147,7 +147,7 @@ def claims_page(chapters):
     for about in map(cite.product, cite.ids()):
         for claim in about["claims"]:
             shown.setdefault((about["paper"], claim), []).append(about["id"])
-    ledger = claims.ledger(paths.PRODUCTS).itertuples()
+    ledger = scorecard.with_seeds(claims.ledger(paths.PRODUCTS)).itertuples()
     rows = [
         claim_row(chapters[row.paper], row, shown.get((row.paper, row.id), [])) for row in ledger
     ]
@@ -167,6 +167,7 @@ def claim_row(chapter, row, figures):
     about, word = chapter.claims[row.id], row.evidence.partition(" ")
     more = {name: getattr(about, name) for name in ("conditions", "where", "rule")}
     more |= {"repeats": word[2], "cause": row.cause}
+    more |= {"seeds": f"{row.seeds:.0%} give this verdict"} if row.seeds == row.seeds else {}
     more = "<br>".join(f"<b>{name}</b> {html.escape(text)}" for name, text in more.items() if text)
     names = [row.id, *(id.partition("/")[2] for id in figures)]
     links = {chapter.link(*names): f"section {chapter.section[chapter.find(*names)]}"}

@@ -5,9 +5,6 @@ parameters the last time is kept in ``build/seconds``, so that the next run can 
 With ``resume`` a paper is skipped when its folder holds every product, made from the present
 sources with these parameters and these package versions.
 
-``sweep`` runs a notebook for each value of one parameter and keeps two tidy tables: the verdicts, a
-row for each value and claim, and for each claim the share of the values with each verdict.
-
 The notebook runs in a child process (this module's ``__main__``) with a session of its own.  An
 interrupt of the parent ends the child and everything that it started; the child does the same when
 its parent has disappeared.  What processes that were killed have left, the next run removes.
@@ -71,10 +68,11 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
         say(f"{paper}: removed what a killed run had left: {', '.join(left)}")
     if resume and done(paper, values, folder):
         kept, found = str(output) if output.is_file() else "", counts(folder / paper)
-        same = f"its products have these sources and parameters ({summary(found)})"
-        say(f"{paper}: skipped, {same}")
+        say(f"{paper}: skipped, its products have these sources and parameters ({summary(found)})")
         return result._replace(verdicts=found, skipped=True, notebook=kept)
-    expected, start = _expected(paper, values), time.monotonic()
+    clock, expected, start = _clock(paper, values), None, time.monotonic()
+    with contextlib.suppress(OSError, ValueError):
+        expected = float(clock.read_text())
     say(f"{paper}: running" + (f", {expected:.0f} s the last time" if expected else ""))
     try:
         _execute(paper, values, output, partial(_show_clock, paper, start, expected), debug)
@@ -83,29 +81,29 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
         fault = {"status": FAILED, "error": str(error)}
         return result._replace(seconds=seconds, notebook=failed, **fault)
     seconds, found = round(time.monotonic() - start, 1), counts(folder / paper)
-    products.write(paths.BUILD / "seconds", {_key(paper, values): f"{seconds}\n".encode()})
-    took = f"{seconds:.0f} s" + (f", expected {expected:.0f} s" if expected else "")
+    products.write(clock.parent, {clock.name: f"{seconds}\n".encode()})
     judged = f"{sum(found.values())} claims ({summary(found)})" if found else "done"
-    say(f"{paper}: {judged}; {took}")
+    said = f", expected {expected:.0f} s" if expected else ""
+    say(f"{paper}: {judged}; {seconds:.0f} s{said}")
     return result._replace(seconds=seconds, verdicts=found)
 
 
-def sweep(paper, name, runs, folder, *, say=print, resume=False, debug=False):
+def sweep(paper, name, runs, folder, *, say=print, **options):
     """Run a notebook once for each value of a parameter; yields the Result of each run.
 
-    `runs` is a list of (value, parameters).  The products of a value go to
-    ``folder/<name>=<value>/``.  After each value ``folder/<name>.csv`` holds the verdicts of all
-    values so far, and ``folder/<name>_shares.csv`` their shares.
+    `runs` is a list of (value, parameters), `options` are those of :func:`run`.  The products of a
+    value go to ``folder/<name>=<value>/``.  After each value ``folder/<name>.csv`` holds the
+    verdicts so far, a row for each value and claim, and ``folder/<name>_shares.csv`` for each claim
+    the share of the values with each verdict.
     """
     import pandas as pd
 
     tables = []
     for value, values in runs:
         place = folder / f"{name}={value}"
-        output = place / pages.path(paper).name
+        output, values = place / pages.path(paper).name, values | {"out": str(place)}
         say(f"{name} = {value}")
-        values = values | {"out": str(place)}
-        result = run(paper, values, output, say=say, resume=resume, debug=debug)
+        result = run(paper, values, output, say=say, **options)
         if result.status == GOOD:
             table = claims.verdicts(paper, place).rename(columns={"id": "claim"})
             tables.append(table.assign(value=value))
@@ -160,16 +158,10 @@ def _settings(paper, values):
     return json.loads(json.dumps({name: kept[name] for name in kept if name not in pages.PLUMBING}))
 
 
-def _key(paper, values):
-    """File that keeps the time of a run."""
+def _clock(paper, values):
+    """The file that keeps the seconds of a run."""
     settings = json.dumps(_settings(paper, values), sort_keys=True)
-    return f"{paper}_{products.digest([settings.encode()])}"
-
-
-def _expected(paper, values):
-    """Seconds that the same run took the last time, or None."""
-    with contextlib.suppress(OSError, ValueError):
-        return float((paths.BUILD / "seconds" / _key(paper, values)).read_text())
+    return paths.BUILD / "seconds" / f"{paper}_{products.digest([settings.encode()])}"
 
 
 def _show_clock(paper, start, expected):
@@ -240,8 +232,8 @@ def _main(paper, values, output, place, parent):
     except Exception as error:
         known = [kind for kind in (ValueError, OSError, RuntimeError) if isinstance(error, kind)]
         text = str(error) if known else f"{paper}: {type(error).__name__}: {error}"
-        outcome = {"kind": known[0].__name__ if known else "", "error": text}
-        outcome["trace"] = traceback.format_exc()
+        kind = known[0].__name__ if known else ""
+        outcome = {"kind": kind, "error": text, "trace": traceback.format_exc()}
     products.write(Path(place), {"outcome": json.dumps(outcome).encode()})
 
 

@@ -36,8 +36,7 @@ def ids(*papers):
 def _rank(file):
     """Order in a gallery: fig1, fig2, fig10, table1, then everything else by name."""
     kind, number, rest = re.fullmatch(r"([a-z_]*)(\d*)(.*)", file.stem).groups()
-    order = ("fig", "table").index(kind) if kind in ("fig", "table") else 2
-    return order, kind, int(number or 0), rest
+    return {"fig": 0, "table": 1}.get(kind, 2), kind, int(number or 0), rest
 
 
 def product(id):
@@ -67,20 +66,16 @@ def text(id, form=""):
     if form == "caption":
         return f"{about['caption']}\n"
     if form == "bibtex":
-        return entries(about["paper"])
+        return bibliography(about["paper"])
     if form == "latex":
         return _latex(about, have)
     if form == "markdown":
         return _markdown(about, have) + ("\n" if "png" in have else f"\n{about['caption']}\n")
     names = "".join(f"  {_relative(file)}\n" for file in have.values())
     made = f"seed {about['seed']}, {about['trials']} trials, digest {about['digest']}"
-    head = f"{id}\n  {about['caption']}\n  {made}; {_remake(about, about['paper'])}\n"
-    return f"{head}\n{names}\n{entries(about['paper'])}"
-
-
-def _remake(about, paper):
-    """The command that makes a product again."""
-    return about.get("remake") or f"tbdcore run {paper}"
+    again = about.get("remake", f"tbdcore run {about['paper']}")
+    head = f"{id}\n  {about['caption']}\n  {made}; {again}\n"
+    return f"{head}\n{names}\n{bibliography(about['paper'])}"
 
 
 def _relative(file, start=None):
@@ -93,42 +88,36 @@ def _latex(about, have):
 
     A table is set at 8 pt in a document of 10 pt; one that is wider than the text lies on its side.
     """
-    kind = "figure" if "png" in have or "pdf" in have else "table"
-    if {"figure": "pdf", "table": "tex"}[kind] not in have:
+    picture = "png" in have or "pdf" in have
+    if ("pdf" if picture else "tex") not in have:
         advice = f"make them anew: tbdcore run {about['paper']}"
         raise ValueError(f"{about['id']}: its files are incomplete; {advice}")
-    says = products.tex(about["caption"].rstrip(" ."))
-    body = [f"\\caption{{{says}. {_after(about)} with~\\cite{{tbdcore}}.}}"]
+    kind, package = ("figure", "graphicx") if picture else ("table", "booktabs")
+    says, origin = products.tex(about["caption"].rstrip(" .")), "Computed"
+    if about["paper"] in pages.papers():  # a product of ours beyond the paper is not after it
+        origin = "Not in" if re.search("/(beyond|open)_", about["id"]) else "After"
+        origin += f"~\\cite{{{about['paper']}}}, computed"
+    body = [f"\\caption{{{says}. {origin} with~\\cite{{tbdcore}}.}}"]
     body += [f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"]
-    environment, package = kind, {"figure": "graphicx", "table": "booktabs"}[kind]
-    if kind == "figure":
+    if picture:
         body = [f"\\includegraphics[width=\\linewidth]{{{_relative(have['pdf'])}}}", *body]
     else:
         body += [r"\smallskip\footnotesize\tabcolsep=3pt", f"\\input{{{_relative(have['tex'])}}}"]
         if _points(have["tex"].read_text(encoding="utf-8")) > COLUMN:
-            environment, package = "sidewaystable", "booktabs,rotating"
+            kind, package = "sidewaystable", "booktabs,rotating"
     entries = f"\\bibliography{{{_relative(paths.figures() / 'figures')}}}"
     needs = f"% needs \\usepackage{{{package}}}, and {entries} with \\bibliographystyle{{plain}}"
-    lines = [needs, f"\\begin{{{environment}}}", "  \\centering", *(f"  {line}" for line in body)]
-    return "\n".join([*lines, f"\\end{{{environment}}}", ""])
+    lines = [needs, f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
+    return "\n".join([*lines, f"\\end{{{kind}}}", ""])
 
 
 def _points(tabular):
     """About how wide a tabular of ours is at 8 pt, 6 pt between its columns."""
-    rows = [
-        line.removesuffix(r" \\").split(" & ") for line in tabular.splitlines() if " & " in line
-    ]
-    plain = [[re.sub(r"\\[a-z]+|[\\${}]", "", cell) for cell in row] for row in rows[1:]]
+    lines = [line for line in tabular.splitlines() if " & " in line][1:]
+    rows = [line.removesuffix(r" \\").split(" & ") for line in lines]
+    plain = [[re.sub(r"\\[a-z]+|[\\${}]", "", cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*plain, strict=True)]
     return sum(4.1 * min(max(width, 8), 27) + 6 for width in widths)
-
-
-def _after(about):
-    """How a caption names the paper: a product of ours beyond the paper is not after it."""
-    if about["paper"] not in pages.papers():
-        return "Computed"
-    origin = "Not in" if re.search("/(beyond|open)_", about["id"]) else "After"
-    return f"{origin}~\\cite{{{about['paper']}}}, computed"
 
 
 def _markdown(about, have, folder=None):
@@ -205,19 +194,12 @@ def topic(page):
     return TOPICS.get(page) or papers()[page]["topic"]
 
 
-def entries(paper):
-    """BibTeX of a notebook: of its paper, unless it is the index, and of this repository."""
-    pages.path(paper)  # there is one
-    return _bibliography([paper] if paper in pages.papers() else [])
-
-
-def bibliography():
-    """figures.bib: every paper and this repository."""
-    return _bibliography(pages.papers())
-
-
-def _bibliography(papers):
-    return "\n".join([*map(paper_entry, papers), repository_entry()])
+def bibliography(page=""):
+    """BibTeX of all papers (figures.bib), or of a page's if it has one, and of this repository."""
+    if page:
+        pages.path(page)  # there is one
+    found = [paper for paper in pages.papers() if page in ("", paper)]
+    return "\n".join([*map(paper_entry, found), repository_entry()])
 
 
 # Gallery -------------------------------------------------------------------------------------
@@ -242,11 +224,11 @@ def gallery():
 def _exhibit(id, verdicts, folder):
     about, have = product(id), files(id)
     links = ", ".join(f"[{ending}]({_relative(file, folder)})" for ending, file in have.items())
+    said = f"{about['caption']} ({links})"
     shown = [claim for claim in about["claims"] if verdicts is not None and claim in verdicts.index]
     judged = [f"- `{claim}` {_judged(verdicts.loc[claim])}" for claim in shown]
-    last = [*judged, ""] if judged else []
-    said = f"{about['caption']} ({links})"
-    return [f"### {id}", "", _markdown(about, have, folder), "", said, "", *last]
+    lines = [f"### {id}", "", _markdown(about, have, folder), "", said, ""]
+    return [*lines, *judged, ""] if judged else lines
 
 
 def _judged(row):
@@ -307,17 +289,15 @@ def which(file):
     same = kept.is_file() and kept.read_bytes() == file.read_bytes()
     about = _record_of(file, id) or (_record_of(kept, id) if same else {})
     now, made = pages.digest(paper), about.get("digest", "")
-    copy = f"{'the same bytes as' if same else 'differs from'} {_relative(kept)}"
+    copy = "the same bytes as" if same else "differs from" if kept.is_file() else "there is no"
     caption = (about or _record_of(kept, id)).get("caption")
-    lines = [id, *([caption] if caption else [])]
+    state = f"stale: made by the sources {made}, the present ones are {now}"
     if not about:
-        lines.append("made by a run whose record is not here")
+        state = "made by a run whose record is not here"
     elif made == now:
-        lines.append(f"current: made by the present sources ({made})")
-    else:
-        lines.append(f"stale: made by the sources {made}, the present ones are {now}")
-    lines.append(copy if kept.is_file() else f"there is no {_relative(kept)}")
-    lines.append(f"make it again: {_remake(about, paper)}")
+        state = f"current: made by the present sources ({made})"
+    again = f"make it again: {about.get('remake', f'tbdcore run {paper}')}"
+    lines = filter(None, (id, caption, state, f"{copy} {_relative(kept)}", again))
     return "\n  ".join(lines) + "\n", not about or made == now
 
 

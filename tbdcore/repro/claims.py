@@ -31,7 +31,7 @@ replays it).  The measured quantity and the margin of the others are unchanged s
 measured; their statistic is that of the second edition.
 
 The ledger is complete or it fails: every row once; in a default run a cause for each ``differs``
-and for nothing else.  This module knows nothing of how the numbers came about.
+and for nothing else.
 """
 
 import csv
@@ -82,8 +82,6 @@ class Verdict(namedtuple("Verdict", _SHOWN)):
     shown where an ordering differs or is open.  `cause` says why it differs or is untestable.
     """
 
-    __slots__ = ()
-
     def __repr__(self):
         spread = f" ± {self.se}" if self.se else ""
         count = f" (n = {self.n})" if self.n else ""
@@ -96,8 +94,7 @@ class Verdict(namedtuple("Verdict", _SHOWN)):
 
 def papers(folder=None):
     """Names of the papers that have a claims file."""
-    names = {path.stem for path in (folder or paths.CLAIMS).glob("*.csv")}
-    return sorted(names - {"declared"})
+    return sorted({path.stem for path in (folder or paths.CLAIMS).glob("*.csv")} - {"declared"})
 
 
 def read(paper, folder=None):
@@ -153,9 +150,8 @@ def _rows(path):
         wrong = f"{error}; look for a quotation mark without its partner"
         raise ValueError(f"{path.name}, row {reader.line_num}: {wrong}") from None
     header, wanted = tuple(rows[0]) if rows else (), ",".join(COLUMNS)
-    for column in COLUMNS:
-        if column not in header:
-            raise _fault(path.name, 1, column, f"missing; the header is {wanted}")
+    if missing := [column for column in COLUMNS if column not in header]:
+        raise _fault(path.name, 1, missing[0], f"missing; the header is {wanted}")
     if header != COLUMNS:
         wrong = f"the columns are {','.join(header)}; they must be {wanted}"
         raise ValueError(f"{path.name}, row 1: {wrong}")
@@ -283,8 +279,7 @@ def judge_margins(margins, errors, n=None, reached=False):
 
     Returns the verdict and the index of the margin that decides.
     """
-    m, s = np.atleast_1d(margins).astype(float), np.atleast_1d(errors).astype(float)
-    m, s = np.broadcast_arrays(m, s)
+    m, s = np.broadcast_arrays(np.atleast_1d(margins).astype(float), np.asarray(errors, float))
     if np.isnan(m + s).any():
         return "inconclusive", int(np.isnan(m + s).argmax())
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -297,10 +292,8 @@ def judge_margins(margins, errors, n=None, reached=False):
 
 def luck(margin, se, n=None, runs=None):
     """Probability that the paper's own runs print an ordering whose margin we find: Phi(m / s)."""
-    from scipy.special import ndtr
-
     spread = math.hypot(se, se * math.sqrt(n / runs)) if n and runs else 0.0
-    return float(ndtr(margin / spread)) if spread else math.nan
+    return math.erfc(-margin / spread / math.sqrt(2)) / 2 if spread else math.nan
 
 
 # The ledger -----------------------------------------------------------------------------------
@@ -372,7 +365,9 @@ class Ledger:
             half = 0.5 * rule["step"] if "step" in rule else half
             verdict, z = judge(published, half, value, se, n, rule.get("runs"), rule.get("null"))
             return self._enter(claim, shown or digits(value, se), se, n, verdict, z)
-        margins = np.atleast_1d(measured).astype(float) + _bound_half(claim, rule)
+        bound = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value) if claim.kind == "bound" else None
+        half = rule["half"] if "half" in rule else parse(bound[1])[1] if bound else 0.0
+        margins = np.atleast_1d(measured).astype(float) + half  # which relaxes a printed bound
         verdict, i = judge_margins(margins, se, n, reached)
         margin, se = margins[i], float(np.broadcast_to(se, margins.shape)[i])
         text = f"{'least ' if margins.size > 1 else ''}margin {digits(margin, se)}"
@@ -487,14 +482,6 @@ def published(claim):
     return f"{claim.value} {claim.unit}" if number and known else claim.value
 
 
-def _bound_half(claim, rule):
-    """A printed bound, such as "> 2", is relaxed by its half digit."""
-    if "half" in rule:
-        return rule["half"]
-    bound = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value)
-    return parse(bound[1])[1] if claim.kind == "bound" and bound else 0.0
-
-
 def _plain(value):
     return f"{value:g}" if isinstance(value, float) else str(value)
 
@@ -505,8 +492,7 @@ def _same(claim, value, unit):
         known = ", ".join(filter(None, UNITS))
         raise ValueError(f"{claim.id}: unit {unit!r} is unknown; known are {known}")
     try:
-        printed = parse(claim.value)[0]
-        number = float(value)
+        printed, number = parse(claim.value)[0], float(value)
     except (TypeError, ValueError):
         text = str(list(value) if isinstance(value, tuple) else value)
         return "".join(text.split()) == "".join(claim.value.split())
@@ -582,17 +568,16 @@ def counts(table):
     row |= {f"measured: {v}": int((measured["verdict"] == v).sum()) for v in VERDICTS[:3]}
     row |= {name: int((kind == name).sum()) for name in EVIDENCE[1:]}
     row |= {name: int((table["verdict"] == name).sum()) for name in VERDICTS[3:]}
-    random = (measured["se"] != "").sum()
-    return row | {"differs by chance, about": f"{0.0093 * random:.2f}"}
+    return row | {"differs by chance, about": f"{0.0093 * (measured['se'] != '').sum():.2f}"}
 
 
 def scorecard(folder=None):
     """Counts by paper, the last row for all; raises as :func:`verdicts` does."""
     import pandas as pd
 
-    tables = {paper: verdicts(paper, folder) for paper in papers()}
-    tables["all"] = pd.concat(tables.values())
-    return pd.DataFrame([{"paper": paper} | counts(table) for paper, table in tables.items()])
+    every = ledger(folder)
+    tables = [*every.groupby("paper"), ("all", every)]
+    return pd.DataFrame([{"paper": paper} | counts(table) for paper, table in tables])
 
 
 # Rules that changed --------------------------------------------------------------------------
@@ -618,7 +603,7 @@ def history():
     """
     text = paths.CLAIMS.joinpath("CHANGES.md").read_text(encoding="utf-8")
     lines = paths.CLAIMS.joinpath("declared.csv").read_text(encoding="utf-8").splitlines()
-    now = {tuple(line.split(",")[:2]): line.split(",")[2] for line in lines[1:]}
+    now = {(paper, id): declared for paper, id, declared in csv.reader(lines[1:])}
     wrong = []
     for entry in _ENTRY.finditer(text):
         key, old, new = entry.group("paper", "id"), entry["old"], entry["new"]

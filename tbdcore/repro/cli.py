@@ -25,12 +25,8 @@ FORMS = {"bibtex": "entries of the paper and of this repository", "caption": "th
 FORMS |= {"latex": "a complete figure or table environment", "markdown": "for Markdown"}
 
 
-class CommandError(Exception):
-    """An error that is reported in one line, with its exit code."""
-
-    def __init__(self, message, code=USAGE):
-        super().__init__(message)
-        self.code = code
+class CheckFailed(Exception):
+    """What a check has found, in one line."""
 
 
 def main(argv=None):
@@ -46,8 +42,8 @@ def main(argv=None):
 
             with _figures(getattr(arguments, "figures", None)):
                 return arguments.command(arguments)
-    except CommandError as error:
-        return report(error, error.code)
+    except CheckFailed as error:
+        return report(error, FAILED)
     except ModuleNotFoundError as error:
         extra = "this needs the extra repro: pip install 'tbdcore[repro]'"
         return report(f"{error.name} is missing; {extra}", ENVIRONMENT)
@@ -81,7 +77,7 @@ def _figures(folder):
     """The folder of --figures is the one whose products are read."""
     before = os.environ.get("TBDCORE_FIGURES", "")
     if folder is not None and not Path(folder).is_dir():
-        raise CommandError(f"--figures {folder}: no such folder; give one that holds products")
+        raise ValueError(f"--figures {folder}: no such folder; give one that holds products")
     os.environ["TBDCORE_FIGURES"] = before if folder is None else folder
     try:
         yield
@@ -96,15 +92,14 @@ class _Parser(argparse.ArgumentParser):
     """A parser whose errors are one line with the nearest valid word."""
 
     def error(self, message):
-        wrong = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
-        if wrong:
+        if wrong := re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message):
             near = claims.nearest(wrong[1], re.findall(r"[a-z]+", wrong[2]))
             message = f"there is no command {wrong[1]!r}; the nearest is {near!r}"
-        raise CommandError(f"{message}; see: {self.prog} --help")
+        raise ValueError(f"{message}; see: {self.prog} --help")
 
 
 def _parse(words):
-    """The arguments; CommandError when a word is not known."""
+    """The arguments; ValueError when a word is not known."""
     parser, parsers = _parsers()
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
@@ -124,7 +119,7 @@ def _parsers():
     parser = _Parser(prog="tbdcore", description=about, epilog=after, **look)
     parser.add_argument("--version", action="version", version=f"tbdcore {tbdcore.__version__}")
     parser.add_argument("--debug", **debug)
-    group, parsers = parser.add_subparsers(required=True, metavar="command", dest="name"), {}
+    group = parser.add_subparsers(required=True, metavar="command", dest="name")
 
     def command(function, help, *examples):
         name = function.__name__.strip("_")
@@ -132,7 +127,6 @@ def _parsers():
         own = group.add_parser(name, help=help, description=help, epilog=epilog.rstrip(), **look)
         own.set_defaults(command=function)
         own.add_argument("--debug", default=argparse.SUPPRESS, **debug)
-        parsers[name] = own
         return own.add_argument
 
     examples = ("", "track_cfar dp_tbd", "mda_tbd -p n_trials=20 -p seed=3", "--quick --resume")
@@ -156,10 +150,9 @@ def _parsers():
     help = "caption, files and BibTeX of a figure or table; without a name the ids of all"
     add = command(_cite, help, "", "track_cfar", "track_cfar/fig5 --latex", "dp_tbd --bibtex")
     add("id", nargs="?", default="", metavar="PAPER[/NAME]", help="as tbdcore cite lists them")
-    forms = parsers["cite"].add_mutually_exclusive_group()
+    forms = group.choices["cite"].add_mutually_exclusive_group()
     for form, said in FORMS.items():
-        store = {"dest": "form", "action": "store_const", "const": form, "default": ""}
-        forms.add_argument(f"--{form}", help=said, **store)
+        forms.add_argument(f"--{form}", help=said, dest="form", action="store_const", const=form)
     add("--figures", **where)
 
     help = "what a file is, what made it, and whether that has changed since"
@@ -173,7 +166,7 @@ def _parsers():
     add("--figures", **where)
 
     command(_doctor, "whether this machine can run it all, with a self-test", "")
-    return parser, parsers
+    return parser, group.choices
 
 
 def _add_running(add, out):
@@ -198,7 +191,7 @@ def _run(arguments):
     changed = arguments.given or arguments.quick or arguments.out or arguments.resume
     if arguments.in_place and changed:
         advice = "drop -p, --quick, --out and --resume"
-        raise CommandError(f"--in-place executes the notebooks with their defaults; {advice}")
+        raise ValueError(f"--in-place executes the notebooks with their defaults; {advice}")
     _find_clusters(jobs.values(), arguments)
     folder = paths.BUILD / "quick" if arguments.quick else paths.BUILD
     status, options = GOOD, _options(arguments)
@@ -215,27 +208,25 @@ def _run(arguments):
 
 def _sweep(arguments):
     paper, (name, _, text) = arguments.paper, arguments.values.partition("=")
-    known, runs, wrong = pages.parameters(paper), [], ""
-    if paper not in pages.papers():
-        wrong = f"{paper}: it has no verdicts; sweep one of {', '.join(pages.papers())}"
-    elif not text:
-        wrong = f"{arguments.values}: write the parameter and its values as name=v1,v2"
-    elif name in pages.PLUMBING:
-        wrong = f"{name}: it cannot change a result; sweep another parameter"
-    if wrong:
-        raise CommandError(f"sweep {wrong}")
+    known, runs, papers = pages.parameters(paper), [], pages.papers()
+    if paper not in papers:
+        raise ValueError(f"sweep {paper}: it has no verdicts; sweep one of {', '.join(papers)}")
+    if not text:
+        given = arguments.values
+        raise ValueError(f"sweep {given}: write the parameter and its values as name=v1,v2")
+    if name in pages.PLUMBING:
+        raise ValueError(f"sweep {name}: it cannot change a result; sweep another parameter")
     for value in text.split(";" if name in known and known[name].type == "list" else ","):
         values = _values(paper, arguments, f"{name}={value}")
         if any(values[name] == earlier[name] for _, earlier in runs):
-            raise CommandError(f"sweep {name}: {value} is given twice; give each value once")
+            raise ValueError(f"sweep {name}: {value} is given twice; give each value once")
         runs.append((value, values))
     _find_clusters([values for _, values in runs], arguments)
     folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / paper
-    options = _options(arguments)
-    results = batch.sweep(paper, name, runs, folder, **options)
+    results = batch.sweep(paper, name, runs, folder, **_options(arguments))
     ended = [_result(arguments, paper, partial(next, results)).status for _ in runs]
     if GOOD in ended:
-        options["say"](f"{paper}: tables in {folder / name}.csv and {name}_shares.csv")
+        _options(arguments)["say"](f"{paper}: tables in {folder / name}.csv and {name}_shares.csv")
     return max(ended)
 
 
@@ -250,8 +241,8 @@ def _result(arguments, paper, run):
     try:
         result = run()
     except KeyboardInterrupt:
-        ended = {"paper": paper, "status": INTERRUPTED, "error": "interrupted"}
         if arguments.json:
+            ended = {"paper": paper, "status": INTERRUPTED, "error": "interrupted"}
             print(json.dumps(ended), flush=True)
         raise
     if arguments.json:
@@ -275,7 +266,7 @@ def _values(paper, arguments, *more):
     for text in (*arguments.given, *more):
         name, equals, value = text.partition("=")
         if not equals:
-            raise CommandError(f"-p {text}: write -p name=value")
+            raise ValueError(f"-p {text}: write -p name=value")
         values[name] = _value(value, known[name].type if name in known else "str")
     values = pages.validate(paper, values)
     settings = [name for name in values if name not in pages.PLUMBING]
@@ -286,7 +277,7 @@ def _values(paper, arguments, *more):
     folder = pages.usable(values.get("out") or paths.figures())
     if changed and folder == paths.PRODUCTS.resolve():
         advice = "give these another folder: build/try"
-        raise CommandError(f"--out {values['out']}: {pages.ONLY_DEFAULTS}; {advice}")
+        raise ValueError(f"--out {values['out']}: {pages.ONLY_DEFAULTS}; {advice}")
     return values | {"out": str(folder)} if values.get("out") else values
 
 
@@ -319,25 +310,23 @@ def _score(arguments):
     folder = paths.figures()
     for paper in claims.papers():
         claims.read(paper)
-    listed = paths.CLAIMS / "CHANGES.md"
     try:
         claims.ledger(folder)
-        if complaints := claims.history() if listed.is_file() else []:
+        if (paths.CLAIMS / "CHANGES.md").is_file() and (complaints := claims.history()):
             raise ValueError("; ".join(complaints))
     except (ValueError, FileNotFoundError) as error:
-        raise CommandError(error, FAILED) from None
+        raise CheckFailed(error) from None
     files = scorecard.files(folder, readme=not arguments.figures)
     changes = scorecard.changes(folder)
     stale = [path.name for path in files if not path.is_file() or path.read_bytes() != files[path]]
     print(files[folder / "scorecard.md"].decode(), end="")
     if arguments.check and stale:
-        advice = "not what the verdicts say; run: tbdcore score"
-        raise CommandError(f"{', '.join(stale)}: {advice}", FAILED)
+        raise CheckFailed(f"{', '.join(stale)}: not what the verdicts say; run: tbdcore score")
     for path, content in files.items():
         products.write(path.parent, {path.name: content})
     if changes:
         count = f"{len(changes)} verdicts are not those of the last scorecard"
-        raise CommandError(f"{count}: {'; '.join(changes)}", FAILED)
+        raise CheckFailed(f"{count}: {'; '.join(changes)}")
     return GOOD
 
 
@@ -346,10 +335,10 @@ def _cite(arguments):
     if "/" in arguments.id:
         print(cite.text(arguments.id, arguments.form), end="")
     elif arguments.form == "bibtex":
-        print(cite.entries(arguments.id) if arguments.id else cite.bibliography(), end="")
+        print(cite.bibliography(arguments.id), end="")
     elif arguments.form:
         advice = "give the id of a figure or table; tbdcore cite lists them"
-        raise CommandError(f"--{arguments.form} {arguments.id or 'without an id'}: {advice}")
+        raise ValueError(f"--{arguments.form} {arguments.id or 'without an id'}: {advice}")
     else:
         print(_captions([arguments.id] if arguments.id else pages.everything()), end="")
     return GOOD
@@ -360,7 +349,7 @@ def _captions(papers):
     missing = [paper for paper in papers if pages.path(paper) and not cite.ids(paper)]
     if missing == list(papers):
         made = f"make them: tbdcore run {papers[0] if len(papers) == 1 else ''}"
-        raise CommandError(f"{', '.join(papers)}: no products in {paths.figures()}; {made}")
+        raise ValueError(f"{', '.join(papers)}: no products in {paths.figures()}; {made}")
     captions = {id: textwrap.fill(cite.product(id)["caption"], 96) for id in cite.ids(*papers)}
     return "".join(f"{id}\n{textwrap.indent(captions[id], '  ')}\n" for id in captions)
 

@@ -9,9 +9,9 @@ be the same for one process and for two.
 import os
 import re
 import sys
-import tempfile
 from importlib import metadata
 from pathlib import Path
+from tempfile import TemporaryFile, gettempdir
 
 import jupyter_client.kernelspec
 import numpy as np
@@ -81,8 +81,7 @@ def jupyter_kernel():
 
 def folders():
     """The folders that runs write into."""
-    own = [paths.figures(), paths.BUILD]
-    places = [*own, Path(jupyter_runtime_dir()), Path(tempfile.gettempdir())]
+    places = [paths.figures(), paths.BUILD, *map(Path, (jupyter_runtime_dir(), gettempdir()))]
     for place in places:
         if not _writable(place):
             advice = "change its permissions, or give runs another folder: tbdcore run --out DIR"
@@ -95,7 +94,7 @@ def _writable(folder):
     while not folder.exists():
         folder = folder.parent
     try:
-        with tempfile.TemporaryFile(dir=folder):
+        with TemporaryFile(dir=folder):
             return True
     except OSError:
         return False

@@ -30,13 +30,10 @@ from matplotlib.figure import Figure
 from tbdcore.repro import products, screen, trials
 from tbdcore.score import Z99
 
-STYLE = {
+STYLE = dict.fromkeys(["font.size", "axes.titlesize", "axes.labelsize"], 9) | {
     "figure.dpi": 100,
     "savefig.dpi": 150,
     "figure.constrained_layout.use": True,
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.labelsize": 9,
     "legend.fontsize": 8,
     "legend.frameon": False,
     "axes.spines.top": False,
@@ -75,7 +72,6 @@ class Portfolio:
     """
 
     colour = COLOURS
-    line = LINES
 
     def __init__(self, paper, folder, provenance, background=False):
         self.paper, self.folder, self.provenance = paper, folder, provenance
@@ -138,9 +134,8 @@ class Portfolio:
         drawn = self.drawn.pop(fig, [])
         if not drawn:
             return None
-        panels = list(fig.axes)
         many = len({ax for ax, _ in drawn}) > 1
-        frames = [frame.assign(panel=panels.index(ax)) if many else frame for ax, frame in drawn]
+        frames = [frame.assign(panel=fig.axes.index(ax)) if many else frame for ax, frame in drawn]
         return pd.concat(frames, ignore_index=True)
 
     def save(self, fig, name, data=None, caption="", claims=()):
@@ -152,12 +147,12 @@ class Portfolio:
         """
         id = self._id(name, caption)
         _lay_out(fig)
-        for extension in CANVASES:
-            self.files[f"{name}.{extension}"] = b""  # its place in the list of files
+        self.files |= {f"{name}.{extension}": b"" for extension in CANVASES}  # their places
         if self.background:
             self.pool = self.pool or trials.process()
             copy = cloudpickle.dumps(fig)  # now, since drawing changes a figure
-            self.waiting.append(self.pool.submit(_render_copy, copy, name, id, ("pdf", "svg")))
+            job = self.pool.submit(lambda: render(pickle.loads(copy), name, id, ("pdf", "svg")))
+            self.waiting.append(job)
             self.files |= render(fig, name, id, ("png",))
         else:
             self.files |= render(fig, name, id, tuple(CANVASES))
@@ -244,12 +239,7 @@ def _lay_out(fig):
     fig.get_layout_engine().execute(fig)
     fig.set_layout_engine("none")
     for ax in fig.axes:
-        bounds = ax.get_position(original=True).bounds
-        ax.set_position(np.round(bounds, 6), which="original")
-
-
-def _render_copy(copy, *arguments):
-    return render(pickle.loads(copy), *arguments)
+        ax.set_position(np.round(ax.get_position(original=True).bounds, 6), which="original")
 
 
 def render(fig, name, id, extensions, dpi=STYLE["savefig.dpi"]):

@@ -11,18 +11,12 @@ A *page* is a notebook ``notebooks/NN_<paper>.ipynb``.  Two of its tags matter h
         ``reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"``
         ``snr_db: list = [3, 4, 5]  # SNR grid, dB; in [-30, 40]; increasing``
 
-    so that what a reader sees is what is checked: name, type, range, and the value under
-    ``--quick``.  ``parameters`` reads the cell without running it, ``validate`` refuses what does
-    not fit and names the nearest name that would.
+    so that what a reader sees is what is checked: name, type, range, and the value for ``--quick``
 
 ``algorithm``
     the cells that hold the paper's method (imports, scenario, simulation, recursion; no experiment,
     no plot).  ``page`` makes them a module, so that tests, benchmarks and a user's own script run
     exactly what the page shows.
-
-``begin`` is a notebook's first call.  It sees the parameters as they are after papermill has had
-its say, finds misspelt ones (papermill itself runs them with the default and reports success), and
-opens the ledger and the portfolio of the run.
 """
 
 import ast
@@ -148,21 +142,19 @@ def cells(paper, tag=None):
     """
     file = path(paper)
     try:
-        notebook = json.loads(file.read_text(encoding="utf-8"))
-        code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
-        tags = [cell["metadata"].get("tags", ()) for cell in code]
-        sources = ["".join(cell["source"]) for cell in code]
+        every = json.loads(file.read_text(encoding="utf-8"))["cells"]
+        code = [cell for cell in every if cell["cell_type"] == "code"]
+        tagged = [("".join(cell["source"]), cell["metadata"].get("tags", ())) for cell in code]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         wrong = f"no notebook ({type(error).__name__}: {error})"
         raise ValueError(f"{file.name}: {wrong}; take it from the repository again") from None
-    return [source for source, own in zip(sources, tags, strict=True) if tag is None or tag in own]
+    return [source for source, tags in tagged if tag is None or tag in tags]
 
 
 def page(paper):
-    """The algorithm of a paper as a module.
+    """A notebook's cells tagged ``algorithm`` as a module, whose functions reach worker processes.
 
-    The module is made of the notebook's cells tagged ``algorithm``.  Its functions can be handed to
-    worker processes, and its kernels are cached on disk, by the page's and the core's sources.
+    Its kernels are cached on disk, by the page's and the core's sources.
     """
     import cloudpickle
 
@@ -240,10 +232,10 @@ def begin(paper, namespace):
     """Open a notebook's run, right after its parameters cell:
     ``ledger, portfolio = tbdcore.begin("track_cfar", vars())``.
 
-    Checks every parameter (a misspelt one is a plain variable that is no parameter), puts coerced
-    values back into `namespace`, and makes sure that the output folder can be written before any
-    kernel starts.  Returns a :class:`tbdcore.repro.claims.Ledger`, or None on a page that judges
-    no paper, and a :class:`tbdcore.repro.figures.Portfolio`.
+    Checks every parameter (of a misspelt one papermill makes a plain variable, and goes on), puts
+    coerced values back into `namespace`, and makes sure that the output folder can be written
+    before any kernel starts.  Returns a :class:`tbdcore.repro.claims.Ledger`, or None on a page
+    that judges no paper, and a :class:`tbdcore.repro.figures.Portfolio`.
     """
     from tbdcore.repro import figures
 
@@ -295,7 +287,7 @@ def usable(out):
 def digest(paper):
     """Short hash of the meaning of what makes a paper's products: the parsed code of notebook,
     imported modules and used pages, and the claims file but for its causes; for the index also
-    what it shows.
+    the verdicts that it shows.
     """
     used = re.findall(r'\bpage\("(\w+)"\)', "\n".join(cells(paper)))
     others = [cell for name in sorted({*used} - {paper}) for cell in cells(name, "algorithm")]
@@ -308,19 +300,12 @@ def digest(paper):
     files = products.imported("\n".join([*code, EVERYWHERE]))
     files.append(paths.PACKAGE / "__init__.py")  # the decorator of all kernels
     parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
-    parts += [file.read_text(encoding="utf-8") for file in _shown(paper, code) if file.is_file()]
+    if paper == "index":
+        shown = [paths.figures() / name / "verdicts.csv" for name in papers()]
+        parts += [file.read_text(encoding="utf-8") for file in shown if file.is_file()]
     if paper in claims.papers():
         parts += ["\0".join(row[:-1]) for row in claims.read(paper).values()]  # the cause is last
     return products.digest([part.encode() for part in parts])
-
-
-def _shown(paper, code):
-    """Verdicts and data of other papers that the index reads."""
-    if paper != "index":
-        return []
-    ids = re.findall(r'\.data\("(\w+/\w+)"\)', "\n".join(code))
-    folder = paths.figures()
-    return [folder / f"{name}.csv" for name in (*(f"{paper}/verdicts" for paper in papers()), *ids)]
 
 
 def execute(paper, given, output):
@@ -345,11 +330,9 @@ def execute(paper, given, output):
         os.replace(part, output)
         failed_at(output).unlink(missing_ok=True)
     except PapermillExecutionError as error:
-        failed = failed_at(output)
-        os.replace(part, failed)
-        where, what = f"{paper}, cell {error.exec_count}", f"{error.ename}: {error.evalue}"
-        said = " ".join(what.split())
-        raise RuntimeError(f"{where}: {said}; the run is in {failed}") from None
+        os.replace(part, failed_at(output))
+        said = " ".join(f"cell {error.exec_count}: {error.ename}: {error.evalue}".split())
+        raise RuntimeError(f"{paper}, {said}; the run is in {failed_at(output)}") from None
     except DeadKernelError:
         raise RuntimeError(f"{paper}: the kernel died; run it again") from None
     except NoSuchKernel:
@@ -372,14 +355,14 @@ def clean(notebook):
     ``hide-input`` is folded in JupyterLab as well, and a picture's alternative text stands in the
     cell's metadata too, where the book looks for it.
     """
-    tags = [cell["metadata"].get("tags", []) for cell in notebook["cells"]]
-    pairs = zip(notebook["cells"], tags, strict=True)
-    tagged = [(cell, own) for cell, own in pairs if "injected-parameters" not in own]
-    cells = notebook["cells"] = [cell for cell, _ in tagged]
-    for cell, own in tagged:
-        cell["metadata"] = {"tags": own} if own else {}
-        if "hide-input" in own:
+    cells = []
+    for cell in notebook["cells"]:
+        tags = cell["metadata"].get("tags", [])
+        cell["metadata"] = {"tags": tags} if tags else {}
+        if "hide-input" in tags:
             cell["metadata"]["jupyter"] = {"source_hidden": True}
+        if "injected-parameters" not in tags:
+            cells.append(cell)
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     for count, cell in enumerate(code, start=1):
         cell["execution_count"] = count
@@ -389,5 +372,5 @@ def clean(notebook):
             if alt := output.get("metadata", {}).get("image/png", {}).get("alt"):
                 cell["metadata"]["mystnb"] = {"image": {"alt": alt}}
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    notebook["metadata"] = {"kernelspec": kernel, "language_info": {"name": "python"}}
-    return notebook
+    about = {"kernelspec": kernel, "language_info": {"name": "python"}}
+    return notebook | {"cells": cells, "metadata": about}

@@ -3,7 +3,7 @@
 The repository is the folder that the environment variable ``TBDCORE_REPOSITORY`` names; else the
 one that this package is installed from, in place; else the current folder or the nearest of its
 parents.  A folder is a repository if it holds ``notebooks/`` and ``data/papers.toml``.  Without
-one, every path but ``PACKAGE`` raises :class:`NoRepository`.
+one, every path but ``PACKAGE`` raises OSError.
 
 ``TBDCORE_FIGURES`` moves the products of default runs elsewhere: the tests use it, so that
 checking the committed figures never rewrites them.
@@ -25,12 +25,8 @@ PLACES = {
 }
 
 
-class NoRepository(OSError):
-    """There is no repository here."""
-
-
 def root():
-    """The folder of the repository; NoRepository, saying how to name it, when there is none."""
+    """The folder of the repository; OSError, saying how to name it, when there is none."""
     named, here = os.environ.get("TBDCORE_REPOSITORY"), Path.cwd()
     places = [Path(named).resolve()] if named else [PACKAGE.parent, here, *here.parents]
     for place in places:
@@ -38,7 +34,7 @@ def root():
             return place
     where = f"TBDCORE_REPOSITORY={named} is none" if named else "there is none here"
     advice = "go to the folder of a clone, or name it: TBDCORE_REPOSITORY=/path/to/clone"
-    raise NoRepository(f"this needs the repository, and {where}; {advice}")
+    raise OSError(f"this needs the repository, and {where}; {advice}")
 
 
 def __getattr__(name):

@@ -4,8 +4,6 @@ A product is a set of files with one name, ``<paper>/<name>``.  Its JSON, the *r
 made it: caption, parameters, seed, trials, claims shown, package versions, and a digest of the
 *meaning* of its sources: the parsed code of the page and of the modules that it imports, and the
 claims file but for its causes.  Comments, docstrings, layout and text cells do not count.
-
-Nothing here imports matplotlib, papermill or Jupyter.
 """
 
 import ast
@@ -91,20 +89,6 @@ def record(file):
         raise ValueError(f"{file}: damaged; delete it, then {again}") from None
 
 
-def data(id):
-    """The data behind a product of the default runs, ``data("track_cfar/fig05")``, as a frame.
-
-    Raises ValueError when there is none.
-    """
-    import pandas as pd
-
-    path = paths.figures() / f"{id}.csv"
-    if not path.is_file():
-        advice = "products are named <paper>/<name>, such as track_cfar/fig05"
-        raise ValueError(f"{id}: no such data in {paths.figures()}; {advice}")
-    return pd.read_csv(path)
-
-
 # Digests -------------------------------------------------------------------------------------
 
 
@@ -144,17 +128,13 @@ def _walk(node):
 
 
 def _merged(nodes):
-    """Neighbouring string constants, as an f-string has them, as one; empty ones left out."""
+    """Neighbouring string constants, as an f-string has them, as one."""
     out = []
     for node in nodes:
-        if out and _is_text(node) and _is_text(out[-1]):
+        if out and all(isinstance(getattr(n, "value", None), str) for n in (out[-1], node)):
             node = ast.Constant(out.pop().value + node.value)
         out.append(node)
     return out
-
-
-def _is_text(node):
-    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 def imported(source):
@@ -193,8 +173,8 @@ def table_files(frame, name, id):
 
 def csv(frame):
     """A frame as CSV, numbers to six digits: the same on all CPUs, and more than figures show."""
-    how = {"float_format": "%.6g", "lineterminator": "\n"}
-    return frame.to_csv(index=_named(frame.index), **how).encode()
+    named = _named(frame.index)
+    return frame.to_csv(index=named, float_format="%.6g", lineterminator="\n").encode()
 
 
 def _named(index):
@@ -248,17 +228,9 @@ def latex(frame):
     widths = [max(map(len, column), default=0) for column in columns]
     parts = zip(header, widths, places, strict=True)
     head = " & ".join(_stack(name, max(width, 9), place) for name, width, place in parts)
-    wide = [
-        place if width <= 34 else "p{13em}" for width, place in zip(widths, places, strict=True)
-    ]
-    body = [" & ".join(map(tex, cells)) + r" \\" for cells in rows]
-    lines = [
-        rf"\begin{{tabular}}{{{''.join(wide)}}}",
-        r"\toprule",
-        head + r" \\",
-        r"\midrule",
-        *body,
-    ]
+    form = "".join("p{13em}" if w > 34 else p for w, p in zip(widths, places, strict=True))
+    lines = [rf"\begin{{tabular}}{{{form}}}", r"\toprule", head + r" \\", r"\midrule"]
+    lines += [" & ".join(map(tex, cells)) + r" \\" for cells in rows]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
 

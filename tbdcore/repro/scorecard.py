@@ -40,20 +40,25 @@ def seeds_file():
     return paths.CLAIMS.parent / "seeds.csv"
 
 
-def with_seeds(every):
-    """A table of verdicts with a column more: the share of the seeds that give the row's verdict.
+def study():
+    """The study: paper, claim, number of seeds, and of each verdict; empty without one.
 
-    Empty where the study has no such claim.  ValueError when the file is no such table.
+    ValueError when the file is no such table.
     """
     columns = ["paper", "claim", "seeds", *claims.VERDICTS[:3]]
-    study = pd.DataFrame(columns=columns)
+    table = pd.DataFrame(columns=columns)
     if seeds_file().is_file():
         with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
-            study = pd.read_csv(seeds_file(), comment="#")
-        if list(study) != columns or not len(study):
+            table = pd.read_csv(seeds_file(), comment="#")
+        if list(table) != columns or not len(table):
             wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
             raise ValueError(f"{seeds_file()}: {wrong}")
-    same = study.melt(["paper", "claim", "seeds"], var_name="verdict", value_name="same")
+    return table
+
+
+def with_seeds(every):
+    """A table of verdicts, and in a column `seeds` the share of the seeds that give the verdict."""
+    same = study().melt(["paper", "claim", "seeds"], var_name="verdict", value_name="same")
     same["share"] = same["same"] / same["seeds"]
     keys = pd.MultiIndex.from_frame(every[["paper", "id", "verdict"]])
     share = same.set_index(["paper", "claim", "verdict"])["share"].astype(float).reindex(keys)

@@ -5,6 +5,8 @@ reader who opens a page sees what came out before the page has run.  A default r
 its own results when it publishes (``check``).
 """
 
+import re
+
 from tbdcore.repro import claims, paths, products
 
 _SHOWN = {}  # paper -> rows of its first screen's table, and the table as it was shown
@@ -30,7 +32,7 @@ class Exhibit:
 
 
 class Table(str):
-    """A table on the first screen: HTML for the reader, plain text elsewhere."""
+    """A table on the first screen, in Markdown."""
 
     def _repr_markdown_(self):
         return str(self)
@@ -49,6 +51,12 @@ def outcome(paper, rows):
     return Table(text)
 
 
+def here(measured, se):
+    """What was measured, as text, with its standard error; in words that of the margin."""
+    number = re.fullmatch(r"(.*margin )?[-+.\de]+( \w+)?", measured)
+    return measured + f"{' ± ' if number else '; error of the margin '}{se}" * bool(se)
+
+
 def _table(paper, rows, folder):
     head = "| | published | here | verdict |\n|---|---|---|---|\n"
     try:
@@ -61,9 +69,9 @@ def _table(paper, rows, folder):
         if id not in found.index:
             raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
         row = found.loc[id]
-        here = row["measured"] + (f" ± {row['se']}" if row["se"] else "")
         kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
-        lines.append(f"| {what} | {row['published']} | {here} | {row['verdict']}{kind} |\n")
+        found_here = here(row["measured"], row["se"])
+        lines.append(f"| {what} | {row['published']} | {found_here} | {row['verdict']}{kind} |\n")
     about = next(map(products.record, sorted((folder / paper).glob("*.json"))), None)
     known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
     return f"{head}{''.join(lines)}\n*Default run{known}; ± one standard error.*\n"

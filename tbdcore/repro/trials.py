@@ -19,12 +19,9 @@ one for each *purpose*: ``truth`` (what the world does), ``noise`` (what the rad
 The key of a stream is ``SeedSequence(seed, spawn_key=(paper, experiment, trial, purpose))``.  Names
 become integers by CRC-32, which is the same on every machine (Python's own ``hash`` is not).
 
-``run`` is the loop over trials.  It hands chunks of indices to any ``concurrent.futures.Executor``:
-processes on this machine by default (``loky``, which carries functions that were written in a
-notebook), one process when ``workers=1``, a ``dask.distributed`` cluster when a scheduler's address
-is given.  The chunks go by the number of workers that the executor has: on a cluster, its threads.
-What a trial returns, a number, an array, or a (named) tuple of them, comes back with a leading axis
-of length n.
+``run`` is the loop over trials.  It hands chunks of indices to processes of this machine (``loky``,
+which carries functions that were written in a notebook), a ``dask.distributed`` cluster, or any
+other ``concurrent.futures.Executor``, by the number of its workers: on a cluster, its threads.
 """
 
 import contextlib
@@ -33,6 +30,7 @@ import re
 import threading
 import time
 from functools import partial
+from itertools import pairwise
 from zlib import crc32
 
 import numpy as np
@@ -61,7 +59,7 @@ def generator(seed, paper, experiment, trial, purpose):
 
 
 def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials"):
-    """Results of ``trial(seed, 0) ... trial(seed, n - 1)``, stacked along a leading axis.
+    """Results of ``trial(seed, 0) ... trial(seed, n - 1)``, stacked along a leading axis of n.
 
     A trial returns a number, an array, or a (named) tuple of them, always in the same shapes.
     `workers` are processes on this machine; 0: one for each core, 1: none, the loop runs here.
@@ -93,23 +91,17 @@ def cluster(scheduler):
 @contextlib.contextmanager
 def _executor(executor, workers, scheduler):
     """The executor to use, or None for a plain loop; one that was opened here is closed."""
-    if executor is not None:
-        yield executor
-    elif scheduler:
+    if executor is None and scheduler:
         with _client(scheduler) as client, client.get_executor() as pool:
             yield pool
-    elif (workers or cores()) == 1:
-        yield None
+    elif executor is not None or (workers or cores()) == 1:
+        yield executor
     else:
-        yield _processes(workers or cores())
+        from loky import get_reusable_executor
 
-
-def _processes(workers):
-    """Processes of this machine, kept between runs, each with one thread for linear algebra."""
-    from loky import get_reusable_executor
-
-    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return get_reusable_executor(workers, env=one, **_life())
+        # kept between runs, each process with one thread for linear algebra
+        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        yield get_reusable_executor(workers or cores(), env=one, **_life())
 
 
 def process():
@@ -160,7 +152,7 @@ def _client(address):
         raise ConnectionError(f"{where}: {wrong}, {here}")
     try:
         client = Client(address, timeout=5, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
+    except (OSError, ValueError) as error:  # a timeout among them
         wrong = f"no dask scheduler answers there ({type(error).__name__}); check the address"
         raise ConnectionError(f"{where}: {wrong}, {here}") from None
     with client:
@@ -172,21 +164,12 @@ def _client(address):
         yield client
 
 
-def _workers(pool):
-    """How many trials an executor runs at the same time: on a dask cluster, its threads."""
-    client = getattr(pool, "_client", None)
-    threads = sum(client.nthreads().values()) if client else getattr(pool, "_max_workers", 0)
-    return threads or cores()
-
-
 def _shares(n, workers):
     """Half-open ranges that cover 0..n, the long ones first: all workers end together."""
-    ranges, first = [], 0
-    while first < n:
-        last = first + max(1, (n - first) // (SHARES * workers))
-        ranges.append((first, last))
-        first = last
-    return ranges
+    ends = [0]
+    while ends[-1] < n:
+        ends.append(ends[-1] + max(1, (n - ends[-1]) // (SHARES * workers)))
+    return list(pairwise(ends))
 
 
 def _parts(pool, chunk, n, label):
@@ -194,7 +177,9 @@ def _parts(pool, chunk, n, label):
     shown = partial(tqdm, desc=label, disable=None, leave=False)
     if pool is None:
         return [chunk(*ends) for ends in shown(_shares(n, 30))]
-    jobs = [pool.submit(chunk, *ends) for ends in _shares(n, _workers(pool))]
+    client = getattr(pool, "_client", None)  # of a dask cluster, where each thread is a worker
+    workers = sum(client.nthreads().values()) if client else getattr(pool, "_max_workers", 0)
+    jobs = [pool.submit(chunk, *ends) for ends in _shares(n, workers or cores())]
     try:
         return [job.result() for job in shown(jobs)]
     except BaseException:

@@ -13,7 +13,7 @@ import re
 import pytest
 from quick_products import alike
 
-from tbdcore.repro import claims, cli, pages, paths
+from tbdcore.repro import claims, cli, pages, paths, scorecard
 
 FRESH = paths.BUILD / "nbval"
 PAGES = sorted(
@@ -124,3 +124,10 @@ def test_the_scorecard_has_every_row_of_every_claims_file():
 )
 def test_what_counts_as_the_same_line(ours, theirs, agree):
     assert same(ours, theirs) == agree
+
+
+def test_the_study_of_the_seeds_has_every_judged_claim():
+    every = scorecard.with_seeds(claims.ledger(paths.PRODUCTS))
+    judged = every[every["verdict"].isin(claims.VERDICTS[:3])]
+    assert judged["seeds"].notna().all()
+    assert (judged["seeds"] > 0).all(), "the committed run is one of the seeds"
