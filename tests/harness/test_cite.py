@@ -121,7 +121,7 @@ def test_a_report_with_every_figure_and_table_compiles_with_plain_pdflatex(tmp_p
 
 @pytest.mark.parametrize(("columns", "environment"), [(4, "table"), (9, "sidewaystable")])
 def test_a_table_wider_than_the_text_lies_on_its_side(execute, columns, environment):
-    frame = pd.DataFrame({f"a name of {k}": ["1.25 ± 0.01"] for k in range(columns)})
+    frame = pd.DataFrame({f"a name of {k}": ["1.25 & 0.01"] for k in range(columns)})
     files = products.table_files(frame, "table1", "tiny/table1")
     (paths.figures() / "tiny" / "table1.tex").write_bytes(files["table1.tex"])
     text = cite.text("tiny/table1", "latex")
