@@ -122,7 +122,8 @@ def test_a_dask_cluster_gives_the_same_bits_and_all_its_threads_work(reference, 
     asked, shares = [], trials._shares
     monkeypatch.setattr(trials, "cores", lambda: 1)
     monkeypatch.setattr(trials, "_shares", lambda n, count: asked.append(count) or shares(n, count))
-    where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
+    # one interface: on all of them a free port would have to be free on each
+    where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": "127.0.0.1:0"}
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=3, processes=False, **where
     ) as cluster:
@@ -147,7 +148,7 @@ def test_an_unreachable_scheduler_is_one_line(address):
 def test_a_scheduler_without_a_worker_is_one_line(monkeypatch):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(trials, "PATIENCE", 0.5)
-    where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
+    where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": "127.0.0.1:0"}
     refused = pytest.raises(ConnectionError, match="it has no worker; start one")
     with (
         distributed.LocalCluster(n_workers=0, processes=False, **where) as cluster,

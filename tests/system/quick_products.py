@@ -23,7 +23,7 @@ CACHE = paths.BUILD / "other_cpu"
 CLUSTER = """
 from distributed import LocalCluster
 
-where = {"protocol": "tcp", "host": "127.0.0.1", "dashboard_address": None}
+where = {"protocol": "tcp", "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
 with LocalCluster(n_workers=5, threads_per_worker=1, processes=False, **where) as cluster:
     print(cluster.scheduler_address, flush=True)
     input()

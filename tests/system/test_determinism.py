@@ -46,8 +46,9 @@ def test_a_dask_cluster_changes_no_bit_of_any_paper(few):
         "processes": False,
         "protocol": "tcp",
         "host": "127.0.0.1",
+        "dashboard_address": "127.0.0.1:0",
     }
-    with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(**options) as cluster:
         for paper, alone in few.items():
             assert (
                 unequal(alone, page_trials.results(paper, 5, scheduler=cluster.scheduler_address))
