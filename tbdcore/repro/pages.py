@@ -324,6 +324,8 @@ def execute(paper, given, output):
     output.parent.mkdir(parents=True, exist_ok=True)
     part = output.with_suffix(f".{os.getpid()}.part.ipynb")
     options = {"kernel_name": "python3", "progress_bar": False, "cwd": str(Path.cwd())}
+    # asked to shut down, a kernel waits 2.5 s for the tracker of its workers, which ends after it
+    options["shutdown_kernel"] = "immediate"
     try:
         # written once, at the end: a save for each cell costs a second for every 100 cells
         execute_notebook(path(paper), part, values, request_save_on_cell_execute=False, **options)

@@ -10,7 +10,7 @@ import re
 from tbdcore.repro import claims, paths, products
 
 _SHOWN = {}  # paper -> rows of its first screen's table, and the table as it was shown
-_TABLES = {}  # id -> text of a product's table that a first screen has shown
+_EXHIBITS = {}  # id -> table and caption of a product that a first screen has shown
 
 
 class Exhibit:
@@ -53,8 +53,10 @@ def outcome(paper, rows):
 
 def here(measured, se):
     """What was measured, as text, with its standard error; in words that of the margin."""
+    if not se:
+        return measured
     number = re.fullmatch(r"(.*margin )?[-+.\de]+( \w+)?", measured)
-    return measured + f"{' ± ' if number else '; error of the margin '}{se}" * bool(se)
+    return f"{measured} ± {se}" if number else f"{measured}; error of the margin {se}"
 
 
 def _table(paper, rows, folder):
@@ -80,24 +82,28 @@ def _table(paper, rows, folder):
 def exhibit(id):
     """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
     file = paths.PRODUCTS / f"{id}.png"
-    table = file.with_suffix(".md")
-    if table.is_file():
-        _TABLES[id] = table.read_text(encoding="utf-8")
-        caption = products.record(file.with_suffix(".json"))["caption"]
-        return Table(f"{_TABLES[id].partition('-->')[2].strip()}\n\n*{caption}*")
+    _EXHIBITS[id] = text, caption = _text(paths.PRODUCTS, id)
+    if text:
+        return Table(f"{text.partition('-->')[2].strip()}\n\n*{caption}*")
     if not file.is_file():
-        _TABLES[id] = ""
         return Table(f"*{id}: not yet run.*")
-    return Exhibit(id, products.record(file.with_suffix(".json"))["caption"], file.read_bytes())
+    return Exhibit(id, caption, file.read_bytes())
+
+
+def _text(folder, id):
+    """Table and caption of a product, each empty where there is none."""
+    about, table = folder / f"{id}.json", folder / f"{id}.md"
+    text = table.read_text(encoding="utf-8") if table.is_file() else ""
+    return text, products.record(about)["caption"] if about.is_file() else ""
 
 
 def check(paper, folder):
-    """Raise RuntimeError when the first screen showed other values than a folder's verdicts."""
+    """Raise RuntimeError when the first screen showed other values, tables or captions than those
+    in a folder.
+    """
     rows, text = _SHOWN.get(paper, ({}, ""))
     old = bool(rows) and text != _table(paper, rows, folder)
-    for id, shown in _TABLES.items():
-        table = folder / f"{id}.md"
-        if id.startswith(f"{paper}/") and table.is_file():
-            old |= shown != table.read_text(encoding="utf-8")
+    own = [id for id in _EXHIBITS if id.startswith(f"{paper}/")]
+    old |= any(_EXHIBITS[id] != _text(folder, id) for id in own)
     if old:
         raise RuntimeError(f"{paper}: first screen is stale; run again")

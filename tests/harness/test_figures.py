@@ -254,6 +254,7 @@ def test_the_first_screen_is_that_of_the_committed_products(repository, monkeypa
 
 def test_a_default_run_whose_first_screen_is_stale_publishes_and_says_so(tmp_path, monkeypatch):
     execute = tiny.here(tmp_path, monkeypatch)
+    monkeypatch.setattr(screen, "_EXHIBITS", {})
     rows = {"the mean": "mean"}
     screen.outcome("tiny", rows)
     with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
@@ -264,5 +265,12 @@ def test_a_default_run_whose_first_screen_is_stale_publishes_and_says_so(tmp_pat
     assert "seed 20, 400 trials" in shown
     execute()  # which now agrees
     assert screen.exhibit("tiny/fig1").caption == "Nine draws, 100 % of them."
+    record = tmp_path / "figures" / "tiny" / "fig1.json"
+    record.write_text(record.read_text().replace("Nine draws", "Ten draws"))
+    assert screen.exhibit("tiny/fig1").caption == "Ten draws, 100 % of them."
+    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
+        execute()
+    screen.exhibit("tiny/fig1")
+    execute()
     with pytest.raises(ValueError, match="no claim 'men' for the first screen"):
         screen.outcome("tiny", {"the mean": "men"})

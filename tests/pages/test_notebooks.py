@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from tbdcore.repro import claims, pages, paths
+from tbdcore.repro import claims, pages, paths, products
 
 NOTEBOOKS = {path.stem: path for path in sorted(paths.NOTEBOOKS.glob("*.ipynb"))}
 PAPERS = pages.papers()
@@ -369,6 +369,41 @@ def test_the_first_screen_shows_the_outcome(paper):
             text = "".join(output.get("data", {}).get("text/markdown", ""))
             assert "not yet run" not in text
             assert text.count("\n|") <= 8, "at most six rows"
+
+
+SHARE = re.compile(
+    r"\b(?:three (?P<tenths>tenths)|(?P<word>half|quarter|fifth|sixth|tenth|twentieth))"
+    r"(?: of (?:the )?trials|, every second)|\b(?P<times>\d+|twice|three)(?: times)? the trials"
+)
+PARTS = {"half": 2, "quarter": 4, "fifth": 5, "sixth": 6, "tenth": 10, "twentieth": 20}
+
+
+def flown(rule, trials):
+    """How many trials a rule asks for, on a page that flies `trials`."""
+    if "flights" in claims.numbers(rule):
+        return int(claims.numbers(rule)["flights"])
+    if re.search(r"frame 1[02]\b", rule):  # of 04: in half of the flights the target vanishes
+        return trials // 2
+    if not (found := SHARE.search(rule)):
+        return trials
+    if times := found["times"]:
+        return int({"twice": 2, "three": 3}.get(times, times)) * trials
+    return 3 * trials // 10 if found["tenths"] else trials // PARTS[found["word"]]
+
+
+@every_paper
+def test_each_row_has_the_trials_that_its_rule_names(paper):
+    verdicts = claims.verdicts(paper, paths.PRODUCTS).set_index("id")["n"]
+    record = next((paths.PRODUCTS / paper).glob("*.json"))
+    trials = products.record(record)["trials"]
+    asked = {id: flown(row.rule, trials) for id, row in claims.read(paper).items() if row.evidence}
+    got = {id: int(verdicts[id]) for id in asked if verdicts[id]}
+    wrong = {id: (n, asked[id]) for id, n in got.items() if n != asked[id]}
+    if paper == "track_cfar":  # the flights of this one that are alive when the target vanishes
+        n, most = wrong.pop("f7.fast.ending")
+        assert 0.99 * most < n < most
+    assert wrong == {}
+    assert len(got) >= 20
 
 
 @every_notebook

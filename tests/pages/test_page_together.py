@@ -25,6 +25,11 @@ def scene(s, i=0):
     return six.simulate(s, *rngs)
 
 
+def chain(*args):
+    """Places (K, 1 + s, 2) of the reference."""
+    return np.array(list(six.chain(*args)))
+
+
 def test_noise_is_exponential_with_mean_one():
     _, z = scene(six.Scene())
     assert z.shape == (24, 64, 64)
@@ -100,7 +105,7 @@ def test_the_reference_is_m_of_n_on_one_cell():
     """With plots in one place only, it declares in N frames with the binomial probability."""
     rng, n, tau, snr = stream("noise"), 3000, 4.0, 2.0
     power = (1 + snr) * rng.standard_exponential((n, p.block))
-    declared = [np.isfinite(six.chain(one_cell(row), tau, p)).any() for row in power]
+    declared = [np.isfinite(chain(one_cell(row), tau, p)).any() for row in power]
     assert declared == ((power > tau).sum(axis=1) >= p.hits).tolist()
     exact = binom.sf(p.hits - 1, p.block, math.exp(-tau / (1 + snr)))
     assert abs(np.mean(declared) - exact) < 2.6 * math.sqrt(exact * (1 - exact) / n)
@@ -108,13 +113,13 @@ def test_the_reference_is_m_of_n_on_one_cell():
 
 def test_a_tentative_track_ends_when_its_window_cannot_be_filled():
     hits = [9, 0, 0, 0, 0, 0, 9, 9, 9, 0]  # four, but the first is given up in the sixth frame
-    assert not np.isfinite(six.chain(one_cell(hits), 4.0, p)).any()
-    alive = np.isfinite(six.chain(one_cell([*hits, 9]), 4.0, p)[:, 0, 0])
+    assert not np.isfinite(chain(one_cell(hits), 4.0, p)).any()
+    alive = np.isfinite(chain(one_cell([*hits, 9]), 4.0, p)[:, 0, 0])
     assert alive.tolist() == [False] * 10 + [True]
 
 
 def test_a_confirmed_track_ends_after_misses_in_a_row():
-    alive = np.isfinite(six.chain(one_cell([9] * 4 + [0] * 6), 4.0, p)[:, 0, 0])
+    alive = np.isfinite(chain(one_cell([9] * 4 + [0] * 6), 4.0, p)[:, 0, 0])
     assert alive.tolist() == [False] * 3 + [True] * 3 + [False] * 4
 
 
@@ -122,7 +127,7 @@ def test_a_track_takes_the_plot_that_is_nearest_in_all():
     """Two tracks, two plots: the sum of distances counts, and a far plot starts a track."""
     start = np.array([[10.0, 0, 10, 0], [12.0, 0, 10, 0]])
     plots = [np.array([[11.0, 10, 9], [12.9, 10, 9], [40.0, 40, 9]])]
-    place = six.chain(plots, 4.0, p, start)[0]
+    place = chain(plots, 4.0, p, start)[0]
     assert 10 < place[1, 0] < 11
     assert 12 < place[2, 0] < 12.9
 
@@ -143,8 +148,8 @@ def test_the_level_is_where_the_reference_just_declares():
     plots = six.scans(z)
     tau = six.level(plots, p)
     assert 5 < tau < 9
-    assert np.isfinite(six.chain(plots, tau, p)).any()
-    assert not np.isfinite(six.chain(plots, tau + 0.03, p)).any()
+    assert np.isfinite(chain(plots, tau, p)).any()
+    assert not np.isfinite(chain(plots, tau + 0.03, p)).any()
 
 
 def test_a_loud_target_is_declared_where_it_is_by_all():
@@ -155,7 +160,7 @@ def test_a_loud_target_is_declared_where_it_is_by_all():
         far = np.hypot(*np.moveaxis(place - x[:, ::2], -1, 0))
         right = (far < 3) & (said > quiet.max(axis=1)[:, None])
         assert right.any(axis=1).all()
-        off = np.hypot(*(six.chain(six.scans(z), 7.0, p)[:, 0] - x[:, ::2]).T)
+        off = np.hypot(*(chain(six.scans(z), 7.0, p)[:, 0] - x[:, ::2]).T)
         assert np.nanmin(off) < 1
 
 
