@@ -18,6 +18,13 @@ def scene_frames(page):
     return page.simulate(page.Scene(), np.random.default_rng(1))
 
 
+def test_an_empty_scene_is_the_noise_of_its_generator(page):
+    s = page.Scene()
+    empty = page.simulate(s, np.random.default_rng(1), fade=0.0)
+    noise = np.random.default_rng(1).normal(0.0, s.noise, empty.shape)
+    np.testing.assert_array_equal(empty, noise)
+
+
 def classic(page, **change):
     return replace(page.Params(M_new=0, M=400), **change)
 
