@@ -189,6 +189,11 @@ def test_polar_grid_and_cells():
         sensor.polar_grid(11e3, 12e3, 0.0, 1.0, 3.0, 0.5)
 
 
+def test_only_what_is_in_front_of_the_radar_has_an_azimuth():
+    _, alpha = sensor.polar_cells([500.0] * 3, [1e-9, 0.0, -1.0], GRID)
+    assert np.isnan(alpha).tolist() == [False, True, True]
+
+
 def test_spread_closed_forms():
     """Footprint pi / sqrt(0.36 x 1460) / (2 m x 0.5 deg) = 7.851 cells; mean of h**2 in the own
     cell 0.8919 x 0.9908.

@@ -25,6 +25,12 @@ def test_an_empty_scene_is_the_noise_of_its_generator(page):
     np.testing.assert_array_equal(empty, noise)
 
 
+def test_the_regimes_of_the_path_are_its_legs(page):
+    regimes = page.path(page.Scene())[1]
+    legs = [0] * 6 + [1] * 15 + [2] * 6 + [1] * 10 + [2] * 6 + [1] * 12 + [0] * 5
+    assert regimes.tolist() == legs
+
+
 def classic(page, **change):
     return replace(page.Params(M_new=0, M=400), **change)
 
