@@ -146,17 +146,20 @@ def _check_state(I, state, lowest):
 
 
 @kernel
-def _top(target, first, second, third):
+def _top_of_two(target, first, second, term):
+    plus = term.size > 0
     for x in range(target.size):
         best = first[x] if first[x] > second[x] else second[x]
-        target[x] = best if best > third[x] else third[x]
+        target[x] = best + term[x] if plus else best
 
 
 @kernel
-def _top_add(target, first, second, third, term):
+def _top(target, first, second, third, term):
+    plus = term.size > 0
     for x in range(target.size):
         best = first[x] if first[x] > second[x] else second[x]
-        target[x] = (best if best > third[x] else third[x]) + term[x]
+        best = best if best > third[x] else third[x]
+        target[x] = best + term[x] if plus else best
 
 
 @kernel
@@ -168,40 +171,42 @@ def _window(target, source, start, step, count, term, work):
     n, width, source, turn = target.size, 1, source[start:], 0
     while 3 * width < count:
         wider = work[turn, : n + (count - 3 * width) * step]
-        _top(wider, source, source[width * step :], source[2 * width * step :])
+        _top(wider, source, source[width * step :], source[2 * width * step :], term[:0])
         source, width, turn = wider, 3 * width, 1 - turn
     far = count - width
-    middle, last = source[(far + 1) // 2 * step :], source[far * step :]
-    if term.size:
-        _top_add(target, source, middle, last, term)
+    if count == 2:
+        _top_of_two(target, source, source[step:], term)
     else:
-        _top(target, source, middle, last)
+        _top(target, source, source[(far + 1) // 2 * step :], source[far * step :], term)
 
 
 @kernel
-def _best_product(target, source, step, weight):
-    """target[x] = max of weight[c] source[x + c step] over c = 0, 1, 2; weight 0 leaves c out."""
+def _best_product(target, source, step, weight, term):
+    """target[x] = max of weight[c] source[x + c step], c = 0..2, plus term[x] if there is one."""
     first, second, third = source, source[step:], source[2 * step :]
     a, b, c = weight[0], weight[1], weight[2]
     if not a > 0:
         first, a = second, b
     if not c > 0:
         third, c = second, b
+    plus = term.size > 0
     for x in range(target.size):
         p, q, r = a * first[x], b * second[x], c * third[x]
         p = p if p > q else q
-        target[x] = p if p > r else r
+        p = p if p > r else r
+        target[x] = p + term[x] if plus else p
 
 
 @kernel
-def _best_difference(target, source, step, price):
-    """target[x] = max of source[x + c step] - price[c] over c = 0, 1, 2."""
+def _best_difference(target, source, step, price, term):
+    """target[x] = max of source[x + c step] - price[c], c = 0..2, plus term[x] if there is one."""
     first, second, third = source, source[step:], source[2 * step :]
-    a, b, c = price[0], price[1], price[2]
+    a, b, c, plus = price[0], price[1], price[2], term.size > 0
     for x in range(target.size):
         p, q, r = first[x] - a, second[x] - b, third[x] - c
         p = p if p > q else q
-        target[x] = p if p > r else r
+        p = p if p > r else r
+        target[x] = p + term[x] if plus else p
 
 
 @kernel
@@ -326,16 +331,15 @@ def _extended(best):
             old, new = I[k - 1].reshape(V * V * size), I[k].reshape(V * V * size)
             for plane in new.reshape(V * V, size):
                 plane[:lo] = plane[lo + n :] = -np.inf
-            for across, along, step in ((V * size, size, 1), (size, V * size, Y)):
+            frame = z[k].reshape(size)[lo : lo + n]
+            axes = (V * size, size, 1, frame[:0]), (size, V * size, Y, frame)
+            for across, along, step, term in axes:
                 for start in range(lo, lo + V * across, across):
                     for v in range(V):
                         source = old[start + v * along - (lowest + v + 1) * step :]
-                        best(rows[(v + 1) * n : (v + 2) * n], source, step, position)
+                        best(rows[(v + 1) * n : (v + 2) * n], source, step, position, frame[:0])
                     for v in range(V):
-                        target = new[start + v * along :][:n]
-                        best(target, rows[v * n :], n, velocity)
-                        if step > 1:
-                            target += z[k].reshape(size)[lo : lo + n]
+                        best(new[start + v * along :][:n], rows[v * n :], n, velocity, term)
                 old = new
         return I
 
@@ -382,26 +386,6 @@ def penalised_forward(z, position, velocity, lowest_velocity, reach, I):
     return _penalised(z, position, velocity, lowest_velocity, reach, I)
 
 
-@kernel
-def _coupled_stage(previous, frame, table, lowest, reach, out, rows):
-    V, Y, size = previous.shape[0], previous.shape[3], frame.size
-    lo, n = reach * Y, size - 2 * reach * Y
-    z, planes = frame.reshape(size), out.reshape(V, V, size)
-    for jv in range(V):
-        for u in range(V):
-            rows[u, lo : lo + n] = -np.inf
-            for w in range(max(jv - 1, 0), min(jv + 2, V)):
-                source = previous[u, w].reshape(size)[lo - lowest - w - 1 :]
-                _raise_products(rows[u, lo : lo + n], source, 1, table[:, w - jv + 1])
-        for iv in range(V):
-            target = planes[iv, jv, lo : lo + n]
-            planes[iv, jv] = -np.inf
-            for u in range(max(iv - 1, 0), min(iv + 2, V)):
-                source = rows[u, lo - (lowest + u + 1) * Y :]
-                _raise_products(target, source, Y, table[:, u - iv + 1])
-            target += z[lo : lo + n]
-
-
 def coupled_forward_spec(z, table, lowest_velocity, reach, I):
     """Specification of :func:`coupled_forward`: all 81 predecessors of every state."""
     return _dense(z, np.where(table > 0, table, np.nan), lowest_velocity, I, np.multiply)
@@ -417,9 +401,21 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     """
     _check_weights(table, (3, 3), TINY)
     _begin(z, I, 1, lowest_velocity, reach)
-    rows = np.full((I.shape[1], z.shape[1] * z.shape[2]), -np.inf).astype(I.dtype)
-    for k in range(1, len(z)):
-        _coupled_stage(I[k - 1], z[k], table, lowest_velocity, reach, I[k], rows)
+    V, Y, size = I.shape[1], z.shape[2], z[0].size
+    lo, n, rows = reach * Y, size - 2 * reach * Y, np.full((V, size), -np.inf).astype(I.dtype)
+    for k, jv in np.ndindex(len(z) - 1, V):
+        for u in range(V):
+            rows[u, lo : lo + n] = -np.inf
+            for w in range(max(jv - 1, 0), min(jv + 2, V)):
+                source = I[k, u, w].reshape(size)[lo - lowest_velocity - w - 1 :]
+                _raise_products(rows[u, lo : lo + n], source, 1, table[:, w - jv + 1])
+        for iv in range(V):
+            plane = I[k + 1, iv, jv].reshape(size)
+            target, plane[:] = plane[lo : lo + n], -np.inf
+            for u in range(max(iv - 1, 0), min(iv + 2, V)):
+                source = rows[u, lo - (lowest_velocity + u + 1) * Y :]
+                _raise_products(target, source, Y, table[:, u - iv + 1])
+            target += z[k + 1].reshape(size)[lo : lo + n]
     return I
 
 
