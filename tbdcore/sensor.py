@@ -519,7 +519,7 @@ def _bessel_table():
 
 @kernel
 def _log_bessel(x, table):
-    """log I0(x), x >= 0: cubic Hermite (error below 1e-10), beyond the table a series (1e-9)."""
+    """log I0(x), x >= 0: cubic Hermite (error below 1e-10), beyond the table a series (1e-8)."""
     if not x < _BESSEL_END:
         t = 1.0 / (8.0 * x)
         series = 1.0 + t * (1.0 + t * (4.5 + t * (37.5 + t * 459.375)))

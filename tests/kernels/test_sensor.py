@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import i0e
 
 from tbdcore import sensor
 
@@ -32,6 +33,26 @@ def test_an_intensity_that_is_no_number_is_refused(ratio, snr):
 
 def test_log_bessel_of_nan_is_nan():
     assert math.isnan(sensor._log_bessel(math.nan, sensor._bessel_table()))
+
+
+@pytest.mark.parametrize(
+    ("x", "most"),
+    [(np.linspace(0.0, 31.999, 9973), 1e-10), (np.geomspace(32.0, 1e6, 997), 1e-8)],
+)
+def test_log_bessel_is_as_accurate_as_it_says(x, most):
+    """In the table and beyond it, against scipy's scaled function."""
+    table = sensor._bessel_table()
+    ours = np.array([sensor._log_bessel(v, table) for v in x])
+    np.testing.assert_allclose(ours, np.log(i0e(x)) + x, rtol=1e-15, atol=most)
+
+
+def test_power_beyond_the_limit_of_the_coherent_ratio_is_refused():
+    place, snr, spread = np.array([2.0]), np.array([3.0]), sensor.Spread(1.44, 0.11, 1, 1)
+    z = np.full((3, 3), 1e8)
+    assert sensor.coherent_log_ratio(z, place, place, snr, spread) > 0
+    z[1, 1] = np.nextafter(1e8, np.inf)
+    with pytest.raises(ValueError, match=r"frame\[1, 1\]: "):
+        sensor.coherent_log_ratio(z, place, place, snr, spread)
 
 
 @pytest.mark.parametrize("blur", [0.5, 0.0379, 0.0377, 0.03, 0.02, 1e-4, 1e-9])
