@@ -1,4 +1,4 @@
-# What these commands run stands in README.md and in .ci/.
+# README.md says what these commands do; the scripts are in .ci/.
 .PHONY: reproduce test verify book environment
 
 reproduce: environment

@@ -329,6 +329,8 @@ class Ledger:
         self.paper, self.strict = paper, strict
         self.claims = read(paper, folder)
         self.verdicts = {}
+        runs = {numbers(claim.rule).get("runs") for claim in self.claims.values()} - {None}
+        self.runs = runs.pop() if len(runs) == 1 else None  # the paper's own, for its orderings
 
     def number(self, id, name):
         """A number of a row's rule; ValueError, with the nearest name, when it has none."""
@@ -344,7 +346,8 @@ class Ledger:
         `measured` is our number, in the printed unit, for a row of kind number; for the other
         kinds a margin, positive where the claim holds, or an array of them, or a plain bool where
         no chance is involved.  `se` is the standard error from `n` trials.  `shown` is what the
-        table shows, mandatory for a bool.  `reached`: a margin of 0 is enough ("at least").
+        table shows, mandatory for a bool; a margin with an error is added to it.  `reached`: a
+        margin of 0 is enough ("at least").
         """
         claim = self._open(id)
         if claim.kind == "input":
@@ -371,9 +374,11 @@ class Ledger:
         verdict, i = judge_margins(margins, se, n, reached)
         margin, se = margins[i], float(np.broadcast_to(se, margins.shape)[i])
         text = f"{'least ' if margins.size > 1 else ''}margin {digits(margin, se)}"
-        chance = "" if verdict == "reproduced" else luck(margin, se, n, rule.get("runs"))
+        said = shown and ("margin" in shown or not se)  # without chance the words are the evidence
+        shown = shown if said else f"{shown}; {text}" if shown else text
+        chance = "" if verdict == "reproduced" else luck(margin, se, n, rule.get("runs", self.runs))
         z = margin / se if se else math.copysign(math.inf, margin) if margin else 0.0
-        return self._enter(claim, shown or text, se, n, verdict, z, chance)
+        return self._enter(claim, shown, se, n, verdict, z, chance)
 
     def used(self, id, value, unit=None):
         """Compare the parameter the code runs with to the printed input.
@@ -469,6 +474,7 @@ class Ledger:
         texts = published(claim), shown, f"{se:.2g}" if se else "", "" if n is None else str(int(n))
         ratio = "" if z is None or not math.isfinite(z) or not se else f"{z:.1f}"
         odds = f"{chance:.2g}" if chance != "" and not math.isnan(chance) else ""
+        odds = "< 1e-9" if odds and chance < 1e-9 else odds
         known = claim.evidence if verdict in VERDICTS[:3] else ""
         head = claim.id, claim.item, claim.quantity
         self.verdicts[claim.id] = Verdict(*head, *texts, ratio, odds, verdict, known, cause)

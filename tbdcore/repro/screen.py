@@ -66,15 +66,15 @@ def _table(paper, rows, folder):
     except (FileNotFoundError, ValueError):
         lines = "".join(f"| {what} | | | not yet run |\n" for what in rows)
         return f"{head}{lines}\n*Not yet run.*\n"
-    lines = []
+    about, lines = next(map(products.record, sorted((folder / paper).glob("*.json"))), None), []
     for what, id in rows.items():
         if id not in found.index:
             raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
         row = found.loc[id]
         kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
-        found_here = here(row["measured"], row["se"])
+        own = about and row["n"] not in ("", str(about["trials"]))  # another number of trials
+        found_here = here(row["measured"], row["se"]) + (f" (n = {row['n']})" if own else "")
         lines.append(f"| {what} | {row['published']} | {found_here} | {row['verdict']}{kind} |\n")
-    about = next(map(products.record, sorted((folder / paper).glob("*.json"))), None)
     known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
     return f"{head}{''.join(lines)}\n*Default run{known}; ± one standard error.*\n"
 

@@ -302,12 +302,56 @@ def test_a_printed_bound_is_relaxed_by_its_half_digit(tmp_path):
     assert (verdict.verdict, verdict.measured, verdict.z) == ("reproduced", "margin 0.200", "20.0")
 
 
+@pytest.mark.parametrize(
+    ("shown", "table"),
+    [
+        ("", "margin 0.30"),
+        ("A 1.3, B 1.0", "A 1.3, B 1.0; margin 0.30"),
+        ("margin 1/3", "margin 1/3"),
+    ],
+)
+def test_what_is_shown_of_an_ordering_has_its_margin(tmp_path, shown, table):
+    book = ledger(tmp_path, HEADER, "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B,measured,")
+    assert book.check("b", 0.3, se=0.1, n=200, shown=shown).measured == table
+
+
+def test_words_stand_alone_where_chance_has_no_part(tmp_path):
+    book = ledger(tmp_path, HEADER, "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B,constructed,")
+    assert book.check("b", 0.3, shown="A is 1.3, B is 1").measured == "A is 1.3, B is 1"
+
+
+def test_luck_that_nobody_has_is_not_spelled_out(tmp_path):
+    row = "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B; runs = 50,measured,not excluded"
+    assert ledger(tmp_path, HEADER, row).check("b", -9.0, se=0.1, n=50).luck == "< 1e-9"
+
+
 def test_an_open_ordering_says_how_likely_the_paper_prints_it(tmp_path):
     row = "b,Fig. 4,A beats B,,A > B,,ordering,Sec. 1,A less B; runs = 50,measured,"
     verdict = ledger(tmp_path, HEADER, row).check("b", [-0.1, 3.0], se=[0.1, 0.1], n=200)
     assert (verdict.verdict, verdict.measured) == ("inconclusive", "least margin -0.10")
     assert verdict.z == "-1.0"
     assert verdict.luck == f"{stats.norm.cdf(-1 / math.sqrt(1 + 200 / 50)):.2g}"
+
+
+@pytest.mark.parametrize(("runs", "known"), [((50, 50), 50), ((50, 60), None)])
+def test_an_ordering_takes_the_runs_that_all_other_rules_name(tmp_path, runs, known):
+    numbers = [
+        f"n{m},Fig. 4,m,,{m},m,number,Sec. 1,x; runs = {n},measured," for m, n in enumerate(runs)
+    ]
+    book = ledger(
+        tmp_path, HEADER, *numbers, "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B,measured,"
+    )
+    chance = f"{claims.luck(-0.1, 0.1, 200, known):.2g}" if known else ""
+    assert book.check("b", -0.1, se=0.1, n=200).luck == chance
+
+
+@pytest.mark.parametrize("paper", claims.papers())
+def test_each_open_ordering_has_its_luck(paper):
+    """In the committed verdicts, wherever chance has a part."""
+    table, rows = claims.verdicts(paper), claims.read(paper)
+    open_ = table[table["verdict"].isin(["differs", "inconclusive"]) & (table["n"] != "")]
+    for row in open_[open_["se"] != ""].itertuples():
+        assert bool(row.luck) == (rows[row.id].kind != "number"), row.id
 
 
 def test_a_page_takes_the_numbers_of_a_rule_from_the_file(tmp_path):
