@@ -182,7 +182,10 @@ def _window(target, source, start, step, count, term, work):
 
 @kernel
 def _best_product(target, source, step, weight, term):
-    """target[x] = max of weight[c] source[x + c step], c = 0..2, plus term[x] if there is one."""
+    """target[x] = max of weight[c] source[x + c step], c = 0..2, plus term[x] if there is one.
+
+    A weight of 0 leaves c out.
+    """
     first, second, third = source, source[step:], source[2 * step :]
     a, b, c = weight[0], weight[1], weight[2]
     if not a > 0:
