@@ -11,8 +11,10 @@ what is not known is left out.  A paper without authors gets a ``key``, which Bi
 instead, and a ``note`` that says so.  Products are those in ``paths.figures()``.
 """
 
+import itertools
 import os
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -64,18 +66,25 @@ def text(id, form=""):
     """
     about, have = product(id), files(id)
     if form == "caption":
-        return f"{about['caption']}\n"
+        return f"{_caption(about)}\n"
     if form == "bibtex":
         return bibliography(about["paper"])
     if form == "latex":
         return _latex(about, have)
     if form == "markdown":
-        return _markdown(about, have) + ("\n" if "png" in have else f"\n{about['caption']}\n")
+        return _markdown(about, have) + ("\n" if "png" in have else f"\n{_caption(about)}\n")
     names = "".join(f"  {_relative(file)}\n" for file in have.values())
     made = f"seed {about['seed']}, {about['trials']} trials, digest {about['digest']}"
     again = about.get("remake", f"tbdcore run {about['paper']}")
     head = f"{id}\n  {about['caption']}\n  {made}; {again}\n"
     return f"{head}\n{names}\n{bibliography(about['paper'])}"
+
+
+def _caption(about):
+    """The caption, with the parameters that are not the default ones."""
+    words = shlex.split(about.get("remake", ""))
+    changed = ", ".join(word for option, word in itertools.pairwise(words) if option == "-p")
+    return f"{about['caption']} {changed}.".rstrip() if changed else about["caption"]
 
 
 def _relative(file, start=None):
@@ -93,7 +102,7 @@ def _latex(about, have):
         advice = f"make them anew: tbdcore run {about['paper']}"
         raise ValueError(f"{about['id']}: its files are incomplete; {advice}")
     kind, package = ("figure", "graphicx") if picture else ("table", "booktabs")
-    says, origin = products.tex(about["caption"].rstrip(" .")), "Computed"
+    says, origin = products.tex(_caption(about).rstrip(" .")), "Computed"
     if about["paper"] in pages.papers():  # a product of ours beyond the paper is not after it
         origin = "Not in" if re.search("/(beyond|open)_", about["id"]) else "After"
         origin += f"~\\cite{{{about['paper']}}}, computed"
@@ -105,7 +114,7 @@ def _latex(about, have):
         body += [r"\smallskip\footnotesize\tabcolsep=3pt", f"\\input{{{_relative(have['tex'])}}}"]
         if _points(have["tex"].read_text(encoding="utf-8")) > COLUMN:
             kind, package = "sidewaystable", "booktabs,rotating"
-    entries = f"\\bibliography{{{_relative(paths.figures() / 'figures')}}}"
+    entries = f"\\bibliography{{{_relative(paths.PRODUCTS / 'figures')}}}"
     needs = f"% needs \\usepackage{{{package}}}, and {entries} with \\bibliographystyle{{plain}}"
     lines = [needs, f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
     return "\n".join([*lines, f"\\end{{{kind}}}", ""])
@@ -123,7 +132,7 @@ def _points(tabular):
 def _markdown(about, have, folder=None):
     """A picture, or the table itself."""
     if "png" in have:
-        return f"![{about['caption']}]({_relative(have['png'], folder)})"
+        return f"![{_caption(about)}]({_relative(have['png'], folder)})"
     return have["md"].read_text(encoding="utf-8")
 
 

@@ -148,7 +148,7 @@ def _parsers():
     add("--check", action="store_true", help="write nothing; fail when a file is stale")
 
     help = "caption, files and BibTeX of a figure or table; without a name the ids of all"
-    add = command(_cite, help, "", "track_cfar", "track_cfar/fig5 --latex", "dp_tbd --bibtex")
+    add = command(_cite, help, "", "track_cfar", "track_cfar/fig05 --latex", "dp_tbd --bibtex")
     add("id", nargs="?", default="", metavar="PAPER[/NAME]", help="as tbdcore cite lists them")
     forms = group.choices["cite"].add_mutually_exclusive_group()
     for form, said in FORMS.items():
@@ -156,7 +156,7 @@ def _parsers():
     add("--figures", **where)
 
     help = "what a file is, what made it, and whether that has changed since"
-    add = command(_which, help, "report/picture.pdf", "figures/track_cfar/table2.csv")
+    add = command(_which, help, "report/picture.pdf", "figures/track_cfar/fig05.csv")
     add("file", metavar="FILE", help="a product of tbdcore, wherever it is now")
     add("--figures", **where)
 
@@ -339,6 +339,8 @@ def _cite(arguments):
     elif arguments.form:
         advice = "give the id of a figure or table; tbdcore cite lists them"
         raise ValueError(f"--{arguments.form} {arguments.id or 'without an id'}: {advice}")
+    elif named := [id for id in cite.ids() if id.endswith(f"/{arguments.id}")]:
+        raise ValueError(f"{arguments.id}: give one of {', '.join(named)}")
     else:
         print(_captions([arguments.id] if arguments.id else pages.everything()), end="")
     return GOOD

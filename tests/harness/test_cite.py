@@ -156,12 +156,22 @@ def test_caption_and_markdown(execute, capsys):
 
 @pytest.mark.parametrize(
     ("id", "nearest"),
-    [("tiny/fig2", "tiny/fig1"), ("tiny/tabel1", "tiny/table1")],
+    [("tiny/fig2", "tiny/fig1"), ("tiny/tabel1", "tiny/table1"), ("fig1", "give one of tiny/fig1")],
 )
 def test_unknown_id_names_the_nearest(execute, capsys, id, nearest):
     code, out, err = tbdcore(capsys, "cite", id)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert nearest in err
+
+
+def test_a_caption_names_the_parameters_that_are_not_the_default_ones(execute, capsys, tmp_path):
+    words = "cite", "tiny/fig1", "--figures", str(tmp_path / "other")
+    caption = tbdcore(capsys, *words, "--caption")[1]
+    assert caption.startswith("Nine draws, ")
+    assert caption.endswith(". n_trials=9, shift=2.5.\n")
+    latex = tbdcore(capsys, *words, "--latex")[1]
+    assert r"n\_trials=9, shift=2.5. After~\cite{tiny}" in latex
+    assert r"\bibliography{figures/figures}" in latex  # where score writes it, not in other/
 
 
 def bibtex(text):

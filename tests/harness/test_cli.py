@@ -9,7 +9,7 @@ import pytest
 import tiny
 
 import tbdcore
-from tbdcore.repro import batch, claims, cli, paths, trials
+from tbdcore.repro import batch, cite, claims, cli, paths, trials
 
 HEADER = "id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause"
 VERDICTS = f"""{HEADER}
@@ -219,7 +219,12 @@ def test_help_has_examples_that_are_understood(capsys, command):
     examples = capsys.readouterr().out.partition("examples:\n")[2].splitlines()
     assert examples
     for example in examples:
-        assert cli._parse(shlex.split(example)[1:]).name == command
+        words = cli._parse(shlex.split(example)[1:])
+        assert words.name == command
+        if "/" in getattr(words, "id", ""):
+            assert cite.files(words.id)
+        if getattr(words, "file", "").startswith("figures/"):
+            assert (paths.ROOT / words.file).is_file()
 
 
 @pytest.mark.parametrize("words", [["--debug", "run", "tinny"], ["run", "tinny", "--debug"]])

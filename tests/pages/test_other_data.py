@@ -59,6 +59,16 @@ def test_01_follows_the_stronger_of_two(dp, seed):
     assert all(misses(track, strong).max() <= 2 for track in dp(z))
 
 
+def test_01_declares_power_without_a_target_as_often_as_was_allowed():
+    page, rng = tbdcore.page("dp_tbd"), np.random.default_rng(0)
+    p, power = page.Params(K=8, grid=(20, 20), M=2, mean=1.0), (8, 20, 20)
+    peaks = page.noise_maxima(p, 200, rng, noise=lambda rng: rng.standard_exponential(power))
+    threshold = page.threshold(peaks, 0.05)
+    declared = [page.detect(rng.standard_exponential(power), p, threshold) for _ in range(100)]
+    shares = np.mean([[track is not None for track in tracks] for tracks in declared], axis=0)
+    assert (shares <= 0.12).all(), "0.05 asked; three errors of 0.022"
+
+
 def test_01_declares_nothing_in_noise_but_what_was_allowed(dp):
     declared = [track is not None for seed in range(40) for track in dp(block(seed)[0])]
     assert sum(declared) <= 14, "six expected of 120 at 5 %, three of each block alike"
@@ -163,6 +173,20 @@ def test_03(case):
     else:
         assert existence[:, 25].max() < 0.95
         assert existence[:, 26].min() > 0.95
+
+
+@pytest.mark.parametrize("likelihood", ["cells", "averaged"])
+def test_03_a_weak_target_that_vanishes(likelihood):
+    page = tbdcore.page("mda_tbd")
+    shape = {"nr": 64, "na": 48, "dr": 5.0, "da": 0.01, "r_min": 2000.0, "sd_r": 1.0, "sd_a": 1.5}
+    late = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        z = rng.standard_exponential((64, 64, 48))
+        z[10:24, 31:34, 22:26] *= 3.0
+        track = page.run(z, page.scenario(**shape, noise=1.0, likelihood=likelihood), rng)
+        late.append((track.existence[34:] > 0.5).mean())
+    assert np.mean(late) > 0.3 if likelihood == "cells" else np.mean(late) < 0.05
 
 
 # 04: one track through twenty scans

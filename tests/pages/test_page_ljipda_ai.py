@@ -546,6 +546,8 @@ def spoiled(value, column=2):
             r"^plots: scan 1: no amplitudes; give rows .* or LJIPDA$",
         ),
         ([s.T for s in SCANS], {}, "LM-AI", r"^plots: scan 1: shape \(3, \d+\); give rows"),
+        ([s + 1j for s in SCANS], {}, "LM-AI", r"^plots: scan 1: values of type complex128; give"),
+        (SCANS, {"x": SETUP.x + 1j}, "LM-AI", r"^x: not numbers in the setup"),
         (SCANS[:1], {}, "LM-AI", "^plots: 1 scans; give at least 2"),
         (SCANS, {"tau": None}, "LM-AI", "^tau: not given; give the threshold"),
         (
