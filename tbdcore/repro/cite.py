@@ -84,7 +84,7 @@ def _caption(about):
     """The caption, with the parameters that are not the default ones."""
     words = shlex.split(about.get("remake", ""))
     changed = ", ".join(word for option, word in itertools.pairwise(words) if option == "-p")
-    return f"{about['caption']} {changed}.".rstrip() if changed else about["caption"]
+    return f"{about['caption'].rstrip('.')}. {changed}." if changed else about["caption"]
 
 
 def _relative(file, start=None):

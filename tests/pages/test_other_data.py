@@ -53,6 +53,16 @@ def test_01_mostly_stays_at_the_border_where_a_target_leaves(dp):
     assert np.median([track.cells[-1, 0] for track, _ in paths]) >= 35
 
 
+def test_01_follows_a_target_that_vanishes_as_long_as_it_is_there(dp):
+    far = []
+    for seed in SEEDS:
+        z, (path,) = block(seed, (5, 20, 1, 4.0))
+        z[6:] = np.random.default_rng(100 + seed).standard_normal((2, 40, 64))
+        far += [misses(track, path)[:6] for track in dp(z)]
+    assert np.median(far) <= 1
+    assert np.mean(np.array(far) <= 3) > 0.9
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_01_follows_the_stronger_of_two(dp, seed):
     z, (strong, _) = block(seed, (5, 10, 1, 5.0), (30, 40, 0, 4.0))
@@ -98,7 +108,8 @@ def blobs(page, seed, case):
     def put(k, x, y):
         z[k] += 18 / (2 * np.pi * 0.36) * np.exp(-((X - x) ** 2 + (Y - y) ** 2) / 0.72)
 
-    for k in range(10, 40) if case not in ("none", "loud") else ():
+    last = 25 if case == "vanishes" else 40
+    for k in range(10, last) if case not in ("none", "loud") else ():
         put(k, x[k], y[k])
         if case == "two":
             put(k, 35 - 0.2 * k, 25.0)
@@ -109,7 +120,7 @@ def blobs(page, seed, case):
     return result, np.hypot(result.s[:, 0] - x, result.s[:, 2] - y)
 
 
-@pytest.mark.parametrize("case", ["border", "leaves", "two", "none", "loud", "gap"])
+@pytest.mark.parametrize("case", ["border", "leaves", "vanishes", "two", "none", "loud", "gap"])
 def test_02(case):
     page = tbdcore.page("mm_pf_tbd")
     runs = [blobs(page, seed, case) for seed in SEEDS]
@@ -118,7 +129,7 @@ def test_02(case):
     if case == "border":
         assert share > 0.4
         assert np.median(ends) < 1.5
-    elif case == "leaves":
+    elif case in ("leaves", "vanishes"):
         assert not any(result.declared[30:].any() for result, _ in runs)
     elif case == "two":
         other = np.hypot(35 - 0.2 * 39 - 27.5, 25 - 19.7)

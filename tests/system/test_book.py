@@ -14,6 +14,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from benchmarks.bench_book import BROWSERS
 from tbdcore.repro import claims, paths
 
 pytest.importorskip("playwright", reason="needs docs/environment.txt; run: make book")
@@ -28,7 +29,6 @@ PAGES = [page for page in PAGES if not page.startswith("_")]
 if not PAGES:
     pytest.skip("there is no book; run: make book", allow_module_level=True)
 CHAPTERS = [page for page in PAGES if page.startswith("notebooks/")]
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 WIDTHS = (390, 1280)
 SERIOUS = ("serious", "critical")
 # what a reader would see of a page that is not whole
