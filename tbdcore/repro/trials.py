@@ -77,8 +77,10 @@ def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials
 
 
 def cores():
-    """Number of cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    """Number of cores this process may use; ``LOKY_MAX_CPU_COUNT`` allows fewer."""
+    from loky import cpu_count
+
+    return cpu_count()
 
 
 def cluster(scheduler):

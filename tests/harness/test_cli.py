@@ -392,33 +392,3 @@ def test_seeds_are_counted_by_claim_and_verdict():
         ["y", "a", 1, 0, 0, 1],
     ]
     assert list(counted) == ["paper", "claim", "seeds", *claims.VERDICTS[:3]]
-
-
-def test_plain_papermill_refuses_a_misspelt_parameter(repository):
-    """Papermill itself would run it with the default and report success; the notebook's own first
-    call does not.
-    """
-    (repository / "build").mkdir()
-    words = [
-        "papermill",
-        "notebooks/01_tiny.ipynb",
-        "build/try.ipynb",
-        "-k",
-        "python3",
-        "-p",
-        "n_trails",
-        "5",
-        "-p",
-        "out",
-        "build/try",
-    ]
-    run = subprocess.run(
-        [sys.executable, "-m", *words],
-        cwd=repository,
-        env=tiny.environment(repository),
-        capture_output=True,
-        text=True,
-    )
-    assert run.returncode != 0
-    assert "the nearest is 'n_trials'" in run.stderr
-    assert not (repository / "build" / "try" / "tiny").exists()

@@ -9,7 +9,6 @@ import zlib
 import numpy as np
 import pandas as pd
 import pytest
-import tiny
 from PIL import Image
 
 from tbdcore.repro import figures, screen
@@ -250,27 +249,3 @@ def test_a_figure_shows_its_caption_and_has_it_as_alternative_text(portfolio, mo
 def test_the_first_screen_is_that_of_the_committed_products(repository, monkeypatch):
     assert "not yet run" in repr(screen.outcome("tiny", {"the mean": "mean"}))
     assert repr(screen.exhibit("tiny/fig1")) == "*tiny/fig1: not yet run.*"
-
-
-def test_a_default_run_whose_first_screen_is_stale_publishes_and_says_so(tmp_path, monkeypatch):
-    execute = tiny.here(tmp_path, monkeypatch)
-    monkeypatch.setattr(screen, "_EXHIBITS", {})
-    rows = {"the mean": "mean"}
-    screen.outcome("tiny", rows)
-    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
-        execute()
-    assert (tmp_path / "figures" / "tiny" / "fig1.pdf").is_file()
-    shown = repr(screen.outcome("tiny", rows))
-    assert re.search(r"\| the mean \| 0\.0 \| -?0\.\d+ ± 0\.0\d+ \| reproduced \|", shown)
-    assert "seed 20, 400 trials" in shown
-    execute()  # which now agrees
-    assert screen.exhibit("tiny/fig1").caption == "Nine draws, 100 % of them."
-    record = tmp_path / "figures" / "tiny" / "fig1.json"
-    record.write_text(record.read_text().replace("Nine draws", "Ten draws"))
-    assert screen.exhibit("tiny/fig1").caption == "Ten draws, 100 % of them."
-    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
-        execute()
-    screen.exhibit("tiny/fig1")
-    execute()
-    with pytest.raises(ValueError, match="no claim 'men' for the first screen"):
-        screen.outcome("tiny", {"the mean": "men"})

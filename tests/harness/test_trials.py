@@ -135,6 +135,12 @@ def test_a_dask_cluster_gives_the_same_bits_and_all_its_threads_work(reference, 
     assert asked == [6, 6]
 
 
+def test_fewer_cores_when_the_environment_says_so(monkeypatch):
+    assert trials.cores() >= 1
+    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")
+    assert trials.cores() == 1
+
+
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no-such-scheme://here"])
 def test_an_unreachable_scheduler_is_one_line(address):
     pytest.importorskip("distributed")

@@ -58,6 +58,14 @@ def code_lines(name):
     ]
 
 
+@pytest.mark.parametrize("paper", sorted(path.name for path in paths.PRODUCTS.glob("*/")))
+def test_the_products_were_made_from_the_present_sources(paper):
+    records = (paths.PRODUCTS / paper).glob("*.json")
+    made = {json.loads(record.read_text(encoding="utf-8"))["digest"] for record in records}
+    again = f"tbdcore run {paper} --in-place"
+    assert made == {pages.digest(paper)}, f"the sources have changed since: {again}"
+
+
 every_notebook = pytest.mark.parametrize("name", NOTEBOOKS)
 every_paper = pytest.mark.parametrize("paper", PAPERS)
 every_page = pytest.mark.parametrize("paper", [*PAPERS, "together"])  # all but the index

@@ -1,0 +1,189 @@
+"""Whole runs of a small notebook: what they leave, say and never touch."""
+
+import csv
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+import tiny
+
+from tbdcore.repro import batch, claims, cli, screen
+
+
+def test_a_second_run_gives_the_same_bytes_and_a_clean_notebook(folder):
+    """With another number of workers; it says how long the first one took."""
+    made = tiny.products(folder)
+    assert len(made) == 10
+    again = tiny.run(folder, "run", "tiny", "--in-place", "--workers", "2")
+    assert again.returncode == 0, again.stderr
+    assert " s the last time\n" in again.stdout
+    assert ", expected " in again.stdout
+    assert {file: content for file, (content, _) in tiny.products(folder).items()} == {
+        file: content for file, (content, _) in made.items()
+    }
+    text = (folder / "notebooks" / "01_tiny.ipynb").read_text(encoding="utf-8")
+    assert [cell["execution_count"] for cell in json.loads(text)["cells"]] == list(range(1, 9))
+    assert "papermill" not in text
+    assert text.endswith("}\n")
+
+
+def test_quick_never_touches_the_figures(folder):
+    made = tiny.products(folder)
+    quick = tiny.run(folder, "run", "--quick", "--resume")
+    assert quick.returncode == 0, quick.stderr
+    assert tiny.products(folder) == made
+    about = json.loads((folder / "build" / "quick" / "tiny" / "fig1.json").read_text())
+    assert about["trials"] == 40
+
+
+def test_other_parameters_never_touch_the_figures(folder):
+    made = tiny.products(folder)
+    assert tiny.run(folder, "run", "-p", "n_trials=1e2").returncode == 0
+    assert tiny.products(folder) == made
+    about = json.loads((folder / "build" / "run" / "tiny" / "fig1.json").read_text())
+    assert about["trials"] == 100
+
+
+def failing(folder, *words, **cells):
+    """What a run with some other cells says when it fails; the products are untouched."""
+    made = tiny.products(folder)
+    tiny.change(folder, **cells)
+    failed = tiny.run(folder, "run", *words)
+    assert failed.returncode == 1
+    assert failed.stderr.splitlines()[-1].startswith("tbdcore: tiny")
+    assert "Traceback" not in failed.stdout + failed.stderr
+    assert tiny.products(folder) == made
+    assert not [file for file in folder.rglob("*.part*") if file.is_file()]
+    return failed
+
+
+def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
+    failed = failing(
+        folder, "--json", publish="ledger.verdicts.popitem()\nportfolio.publish(ledger)"
+    )
+    told = json.loads(failed.stdout)
+    assert told["status"] == 1
+    assert "tiny, cell 8: ValueError: tiny: no verdict on 1 of 3 claims: price" in told["error"]
+    assert told["error"] in failed.stderr
+    left = folder / "build" / "01_tiny.failed.ipynb"
+    assert told["notebook"] == str(left)
+    assert left.is_file()
+    assert [line.partition(":")[0] for line in failed.stderr.splitlines()] == ["tiny", "tbdcore"]
+
+
+def test_a_kernel_that_dies_is_one_line_with_its_last_words(folder):
+    cell = "import os\nos.write(2, b'out of paper\\n')\nos.kill(os.getpid(), 9)"
+    failed = failing(folder, trials=cell)
+    assert "tiny: the kernel died: out of paper; run it again" in failed.stderr
+    assert failed.stderr.count("\n") == 1
+
+
+def test_what_is_no_longer_made_is_removed(folder):
+    """And the notebook that an earlier run left when it failed; other files stay."""
+    other = folder / "figures" / "tiny" / "notes.txt"
+    other.write_text("mine")
+    other.with_name("fig1.tex").write_text("of a figure that was a table once")
+    left = folder / "build" / "01_tiny.failed.ipynb"
+    left.write_text("of an earlier run")
+    tiny.change(folder, table=None)
+    assert tiny.run(folder, "run").returncode == 0
+    names = {file.name for file in (folder / "figures" / "tiny").iterdir()}
+    assert names == {
+        "notes.txt",
+        "verdicts.csv",
+        *(f"fig1.{kind}" for kind in ("pdf", "svg", "png", "csv", "json")),
+    }
+    assert not left.exists()
+
+
+def table(file):
+    return list(csv.DictReader(file.read_text().splitlines()))
+
+
+def test_sweep_makes_tidy_tables_and_goes_on_after_an_interruption(inside, monkeypatch, capsys):
+    """The second value is interrupted in the middle; what is finished is not repeated."""
+    made, execute, executed = tiny.products(inside), batch._execute, []
+
+    def interrupted(paper, values, *rest):
+        executed.append(values["shift"])
+        if len(executed) == 2:
+            raise KeyboardInterrupt
+        execute(paper, values, *rest)
+
+    monkeypatch.setattr(batch, "_execute", interrupted)
+    words = ["sweep", "tiny", "shift=-2,2", "-p", "n_trials=100", "--resume", "--json"]
+    place = inside / "build" / "sweep" / "tiny"
+    assert cli.main(words) == 130
+    assert {row["value"] for row in table(place / "shift.csv")} == {"-2"}
+    assert cli.main(words) == 0
+    assert executed == [-2.0, 2.0, 2.0]
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [one["status"] for one in told] == [0, 130, 0, 0]
+    rows = table(place / "shift.csv")
+    assert list(rows[0]) == list(batch.TABLE)
+    judged = [(row["value"], row["verdict"]) for row in rows if row["claim"] == "order"]
+    assert judged == [("-2", "differs"), ("2", "reproduced")]
+    share = {row.pop("claim"): row for row in table(place / "shift_shares.csv")}
+    assert list(share) == ["mean", "order", "price"]
+    shares = {"reproduced": "0.5", "differs": "0.5"} | dict.fromkeys(claims.VERDICTS[2:], "0")
+    assert share["order"] == {"evidence": "measured", "values": "2"} | shares
+    assert share["price"]["untestable"] == "1"
+    assert (place / "shift=-2" / "tiny" / "fig1.pdf").is_file()
+    assert (place / "shift=-2" / "01_tiny.ipynb").is_file()
+    assert tiny.products(inside) == made
+
+
+def test_plain_papermill_refuses_a_misspelt_parameter(repository):
+    """Papermill itself would run it with the default and report success; the notebook's own first
+    call does not.
+    """
+    (repository / "build").mkdir()
+    words = [
+        "papermill",
+        "notebooks/01_tiny.ipynb",
+        "build/try.ipynb",
+        "-k",
+        "python3",
+        "-p",
+        "n_trails",
+        "5",
+        "-p",
+        "out",
+        "build/try",
+    ]
+    run = subprocess.run(
+        [sys.executable, "-m", *words],
+        cwd=repository,
+        env=tiny.environment(repository),
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode != 0
+    assert "the nearest is 'n_trials'" in run.stderr
+    assert not (repository / "build" / "try" / "tiny").exists()
+
+
+def test_a_default_run_whose_first_screen_is_stale_publishes_and_says_so(tmp_path, monkeypatch):
+    execute = tiny.here(tmp_path, monkeypatch)
+    monkeypatch.setattr(screen, "_EXHIBITS", {})
+    rows = {"the mean": "mean"}
+    screen.outcome("tiny", rows)
+    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
+        execute()
+    assert (tmp_path / "figures" / "tiny" / "fig1.pdf").is_file()
+    shown = repr(screen.outcome("tiny", rows))
+    assert re.search(r"\| the mean \| 0\.0 \| -?0\.\d+ ± 0\.0\d+ \| reproduced \|", shown)
+    assert "seed 20, 400 trials" in shown
+    execute()  # which now agrees
+    assert screen.exhibit("tiny/fig1").caption == "Nine draws, 100 % of them."
+    record = tmp_path / "figures" / "tiny" / "fig1.json"
+    record.write_text(record.read_text().replace("Nine draws", "Ten draws"))
+    assert screen.exhibit("tiny/fig1").caption == "Ten draws, 100 % of them."
+    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
+        execute()
+    screen.exhibit("tiny/fig1")
+    execute()
+    with pytest.raises(ValueError, match="no claim 'men' for the first screen"):
+        screen.outcome("tiny", {"the mean": "men"})
