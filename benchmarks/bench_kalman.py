@@ -9,8 +9,8 @@ operations with divisions and a root in it, so several times the limit is as goo
 
 import numpy as np
 
-from benchmarks.timing import Row, best
-from tbdcore import kalman, kernel
+from benchmarks.timing import Row, best, loop
+from tbdcore import kalman
 
 X, P = np.array([7e4, 350.0, 7e4, 350.0]), np.diag([1e4, 400.0, 1e4, 400.0])
 Z1, Z2, VAR = np.array([9.5e4, 0.785]), np.array([1e5, 0.786]), (11.0, 6e-7)
@@ -23,7 +23,7 @@ STEPS = {  # arguments, multiplications and additions
 CALLS = 1000
 
 
-@kernel
+@loop
 def sums(x, n):
     """2 n independent multiplications and additions on eight running sums."""
     a = b = c = d = e = f = g = h = 0.0
@@ -33,7 +33,7 @@ def sums(x, n):
     return a + b + c + d + e + f + g + h
 
 
-@kernel
+@loop
 def many_two_point(z1, z2, var1, var2, T):
     total = 0.0
     for _ in range(CALLS):
@@ -42,13 +42,13 @@ def many_two_point(z1, z2, var1, var2, T):
     return total
 
 
-@kernel
+@loop
 def many_predict_cv(x, P, T, q):
     for _ in range(CALLS):
         kalman.predict_cv(x, P, T, q)
 
 
-@kernel
+@loop
 def many_gate_polar(x, P, var_r, var_a):
     total = 0.0
     for _ in range(CALLS):
@@ -57,7 +57,7 @@ def many_gate_polar(x, P, var_r, var_a):
     return total
 
 
-@kernel
+@loop
 def many_update_polar(x, P, y_r, y_a, var_r, var_a):
     for _ in range(CALLS):
         kalman.update_polar(x, P, y_r, y_a, var_r, var_a)

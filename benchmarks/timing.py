@@ -3,6 +3,11 @@
 import time
 from typing import NamedTuple
 
+from numba import njit
+
+# for loops that call a kernel of the core; not cached, since a cached loop keeps the kernel of old
+loop = njit(error_model="numpy")
+
 
 class Row(NamedTuple):
     """One kernel: its work, its seconds per call, and those of its specification, its limit and a

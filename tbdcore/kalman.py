@@ -142,9 +142,7 @@ def polar_noise(z, R):
 
 @kernel
 def _rotated(u, v, n, along, across):
-    """:func:`polar_noise` as (xx, xy, yy): variances ``along`` and ``across`` in m^2 of errors
-    along (u, v) and across it, n = u**2 + v**2.
-    """
+    """(xx, xy, yy) of a covariance with variances along (u, v) and across it; n = u**2 + v**2."""
     xx, yy = along * u * u + across * v * v, along * v * v + across * u * u
     return xx / n, (along - across) * u * v / n, yy / n
 
@@ -153,7 +151,10 @@ def _rotated(u, v, n, along, across):
 def _finite_parts(parts):
     """The tuple of numbers and arrays; ValueError where one has a NaN or an infinity."""
     for part in literal_unroll(parts):
-        if not np.all(np.isfinite(part)):
+        wrong = 0
+        for value in np.asarray(part).flat:
+            wrong += not math.isfinite(value)
+        if wrong:
             raise ValueError("kalman: an argument or the result is NaN or infinite; is r = 0?")
     return parts
 
