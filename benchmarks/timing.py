@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-# for loops that call a kernel of the core; not cached, since a cached loop keeps the kernel of old
+# for loops that call kernels of the core; not cached, since a cached loop would keep the old kernel
 loop = njit(error_model="numpy")
 
 
