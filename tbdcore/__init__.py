@@ -13,13 +13,12 @@ kind of CPU differs in the last ones at most.
 __version__ = "1.0.0"
 
 
-def __getattr__(name):
-    """``kernel``, made when it is first asked for: the command line starts without Numba."""
-    if name != "kernel":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def kernel(function):
+    """Compile a function.  No disk cache in a notebook: it would not see that a callee changed."""
     from numba import njit
 
-    return globals().setdefault("kernel", njit(cache=True, error_model="numpy"))
+    cache = function.__module__ != "__main__"
+    return njit(cache=cache, error_model="numpy")(function)
 
 
 def begin(paper, namespace):

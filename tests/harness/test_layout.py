@@ -1,6 +1,7 @@
 """What may import what, what may lie where, and what no committed file may contain."""
 
 import ast
+import importlib
 import re
 import subprocess
 import sys
@@ -106,6 +107,19 @@ def test_one_decorator_and_no_hidden_randomness(module):
     assert not re.search(r"default_rng\(|np\.random\.(seed|normal|uniform|rand)\b", source), (
         "a generator is an argument"
     )
+
+
+@pytest.mark.parametrize("module", [module for module in CORE if module != "__init__"])
+def test_a_kernel_calls_kernels_of_its_own_module_only(module):
+    # Numba's disk cache goes by the caller's file: it would keep the old code of another module.
+    names = vars(importlib.import_module(f"tbdcore.{module}"))
+    kernels = [value.py_func for value in names.values() if hasattr(value, "py_func")]
+    for function in kernels:
+        for used in (names[name] for name in function.__code__.co_names if name in names):
+            home = getattr(
+                getattr(used, "py_func", None), "__module__", getattr(used, "__name__", "")
+            )
+            assert not home.startswith("tbdcore") or home == function.__module__
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -4,6 +4,8 @@ import copy
 import json
 import os
 import shutil
+import subprocess
+import sys
 import types
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -269,6 +271,30 @@ def test_a_page_with_a_kernel_works_where_nothing_can_be_written(repository, mon
     }
     (repository / "notebooks" / "01_tiny.ipynb").write_text(tiny.notebook(cells), encoding="utf-8")
     assert pages.page("tiny").twice(3) == 6
+
+
+CALLER = """from callee import step
+from tbdcore import kernel
+
+
+@kernel
+def twice(x):
+    return step(step(x))
+"""
+SHELL = "from IPython.core.interactiveshell import InteractiveShell as Shell\n" + (
+    f"shell = Shell.instance()\nshell.run_cell({CALLER!r})\nshell.run_cell('print(twice(1))')"
+)
+
+
+def test_a_kernel_of_a_cell_follows_the_kernels_that_it_calls(tmp_path):
+    places = {name: str(tmp_path) for name in ("PYTHONPATH", "IPYTHONDIR", "XDG_CACHE_HOME")}
+    for step, printed in (("x + 1", "3"), ("x + 10", "21")):
+        callee = f"from tbdcore import kernel\n\n\n@kernel\ndef step(x):\n    return {step}\n"
+        (tmp_path / "callee.py").write_text(callee)
+        ran = subprocess.run(
+            [sys.executable, "-c", SHELL], env=os.environ | places, capture_output=True, text=True
+        )
+        assert ran.stdout.split()[-1:] == [printed], ran.stderr
 
 
 def test_a_page_may_use_another_and_its_digest_follows_it(repository):
