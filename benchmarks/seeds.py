@@ -1,13 +1,15 @@
 """Whether the verdicts hang on the seed: ``python -m benchmarks.seeds``, hours, restartable.
 
 Every paper is swept over nine seeds at its defaults; with the committed verdicts, those of the
-notebook's own seed, each claim has ten verdicts.  ``data/seeds.csv`` counts them.  Runs that are
-done with the same sources are not made again, so an interrupted study goes on where it stopped.
+notebook's own seed, each claim has ten verdicts.  ``data/seeds.csv`` counts them, and has the
+verdict of each number on the trials of all seeds together.  Runs that are done with the same
+sources are not made again, so an interrupted study goes on where it stopped.
 """
 
 import subprocess
 import sys
 
+import numpy as np
 import pandas as pd
 
 from tbdcore.repro import claims, cli, pages, paths, products, scorecard
@@ -36,11 +38,28 @@ def counts(tables):
     return found.reset_index()
 
 
+def together(tables):
+    """For each number its verdict on all trials of all seeds; rows (paper, claim, together)."""
+    found = []
+    for paper, table in tables.items():
+        ledger = claims.Ledger(paper, strict=False)
+        numbers = [id for id, claim in ledger.claims.items() if claim.kind == "number"]
+        for id, rows in table[table["claim"].isin(numbers)].groupby("claim", sort=False):
+            texts = rows[["measured", "se", "n"]]
+            m, se, n = texts.apply(pd.to_numeric, errors="coerce").to_numpy().T
+            if np.isfinite(m + se + n).all():
+                error = np.sqrt((se**2).sum()) / len(se)
+                verdict = ledger.check(id, m.mean(), se=error, n=n.sum()).verdict
+                found.append((paper, id, verdict))
+    return pd.DataFrame(found, columns=["paper", "claim", "together"])
+
+
 def main():
     """Make the study and write the file, with the commit and the command in its first line."""
     git = ["git", "-C", str(paths.ROOT), "describe", "--always", "--dirty"]
     commit = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
-    table = counts({paper: sweep(paper) for paper in pages.papers()})
+    tables = {paper: sweep(paper) for paper in pages.papers()}
+    table = counts(tables).merge(together(tables), how="left")
     head = f"# python -m benchmarks.seeds, at commit {commit}\n"
     file = scorecard.seeds_file()
     products.write(file.parent, {file.name: head.encode() + products.csv(table)})

@@ -1,9 +1,9 @@
 """The scorecard: the files that hold the verdicts of all papers together.
 
-``figures/scorecard.csv`` has every verdict and the share of the seeds that give it
-(``data/seeds.csv``, made by ``benchmarks/seeds.py``), ``scorecard.md`` the counts,
-``figures/README.md`` all products, ``figures.bib`` the papers, and the repository's README has a
-table of the papers between two markers.
+``figures/scorecard.csv`` has every verdict, the share of the seeds that give it and the verdict of
+all seeds together (``data/seeds.csv``, made by ``benchmarks/seeds.py``), ``scorecard.md`` the
+counts, ``figures/README.md`` all products, ``figures.bib`` the papers, and the repository's README
+has a table of the papers between two markers.
 """
 
 import contextlib
@@ -41,11 +41,12 @@ def seeds_file():
 
 
 def study():
-    """The study: paper, claim, number of seeds, and of each verdict; empty without one.
+    """The study: paper, claim, number of seeds, of each verdict, and a number's verdict on all
+    trials together; empty without one.
 
     ValueError when the file is no such table.
     """
-    columns = ["paper", "claim", "seeds", *claims.VERDICTS[:3]]
+    columns = ["paper", "claim", "seeds", *claims.VERDICTS[:3], "together"]
     table = pd.DataFrame(columns=columns)
     if seeds_file().is_file():
         with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
@@ -57,12 +58,14 @@ def study():
 
 
 def with_seeds(every):
-    """A table of verdicts, and in a column `seeds` the share of the seeds that give the verdict."""
-    same = study().melt(["paper", "claim", "seeds"], var_name="verdict", value_name="same")
-    same["share"] = same["same"] / same["seeds"]
-    keys = pd.MultiIndex.from_frame(every[["paper", "id", "verdict"]])
-    share = same.set_index(["paper", "claim", "verdict"])["share"].astype(float).reindex(keys)
-    return every.assign(seeds=share.to_numpy())
+    """A table of verdicts; a column `seeds`, the share of the seeds that give the verdict, and
+    `together`, the verdict of a number on the trials of all seeds.
+    """
+    found = study().set_index(["paper", "claim"])
+    keys = pd.MultiIndex.from_frame(every[["paper", "id"]])
+    found, same = found.reindex(keys), every["verdict"].to_numpy()
+    share = sum((found[v].where(same == v, 0) for v in claims.VERDICTS[:3]), 0.0) / found["seeds"]
+    return every.assign(seeds=share.to_numpy(float), together=found["together"].to_numpy())
 
 
 def changes(folder):

@@ -9,6 +9,7 @@ bit.  In a PNG one value of ten thousand may differ by one step of colour.
 import json
 import re
 
+import nbformat
 import pytest
 from quick_products import alike
 
@@ -121,3 +122,18 @@ def test_the_study_of_the_seeds_has_every_judged_claim():
     judged = every[every["verdict"].isin(claims.VERDICTS[:3])]
     assert judged["seeds"].notna().all()
     assert (judged["seeds"] > 0).all(), "the committed run is one of the seeds"
+
+
+@pytest.mark.parametrize("paper", pages.papers())
+def test_a_chapter_says_what_all_seeds_together_say_of_its_unsteady_numbers(paper):
+    every = scorecard.with_seeds(claims.ledger(paths.PRODUCTS))
+    own = every[(every["paper"] == paper) & (every["seeds"] < scorecard.STEADY)]
+    expected = own[own["together"].isin(["reproduced", "differs"])]
+    study = scorecard.study().set_index(["paper", "claim"]).loc[paper].loc[expected["id"]]
+    expected = expected[((study["reproduced"] > 0) & (study["differs"] > 0)).to_numpy()]
+    cells = nbformat.read(pages.path(paper), 4).cells
+    prose = " ".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    told = re.search(r"seeds together.*?: (.*?) (is|are) reproduced; (.*?) differs?\b", prose)
+    said = dict.fromkeys(re.findall(r"`(\S+)`", told[1]), "reproduced") if told else {}
+    said |= dict.fromkeys(re.findall(r"`(\S+)`", told[3]), "differs") if told else {}
+    assert said == dict(zip(expected["id"], expected["together"], strict=True))
