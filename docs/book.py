@@ -168,6 +168,7 @@ def claim_row(chapter, row, figures):
     more = {name: getattr(about, name) for name in ("conditions", "where", "rule")}
     more |= {"repeats": word[2], "cause": row.cause}
     more |= {"seeds": f"{row.seeds:.0%} give this verdict"} if row.seeds == row.seeds else {}
+    more |= {"seeds together": row.together} if isinstance(row.together, str) else {}
     more = "<br>".join(f"<b>{name}</b> {html.escape(text)}" for name, text in more.items() if text)
     names = [row.id, *(id.partition("/")[2] for id in figures)]
     links = {chapter.link(*names): f"section {chapter.section[chapter.find(*names)]}"}
