@@ -8,15 +8,9 @@ A state is (iv, jv, i, j): two velocity indices and two cell indices.  Index iv 
 velocity 0.  The predecessors of a state have the velocity v' = v + r and the position i - v' + m:
 r is the change of velocity, m the position slack, and the same on the other axis.
 
-``position``, ``velocity``  weights of the slacks: an odd number, the middle one for slack 0, and 0
-                            for a slack left out.  Conventional: ``ones(2M+1)``, one velocity.
-                            Tonissen: ``(0, 1, 1)``, velocity kept.  State-weighted: ``(a, 1, a)``.
-``box_forward``             predecessors keep their velocity and all count the same (eqs. 6, 7)
-``weighted_forward``        slack of one cell and one velocity, weight = product of four factors
-                            (eqs. 8, 10 with deviation |m|)
-``coupled_forward``         the same set, weight = table over (m, r) per axis (eq. 10 with |m - r|)
-``penalised_forward``       the same set, a price is subtracted instead (not in the paper)
-``*_path``                  the best path that ends in one state (eqs. 5, 13, 17, 19)
+``position``, ``velocity`` are weights of the slacks: an odd number, the middle one for slack 0, and
+0 for a slack left out.  Conventional: ``ones(2M+1)``, one velocity.  Tonissen: ``(0, 1, 1)``, the
+velocity is kept.  State-weighted: ``(a, 1, a)``.
 
 A maximum over products with positive weights is separable: 81 predecessors cost 6 + 6 operations.
 A state that cannot be reached is -inf, and so is the margin of frames and value maps (``margin``),
@@ -36,6 +30,7 @@ from numba.core.errors import NumbaError
 from tbdcore import checks, kernel
 
 TINY = np.finfo(np.float32).smallest_subnormal
+PIECE = 480  # cells of a plane that are treated together
 
 
 def margin(frames, width):
@@ -126,10 +121,9 @@ def _begin(z, I, slack, lowest, reach):
         raise ValueError("I: maps must be (K, V, V, X, Y) for frames (K, X, Y) in their margin")
     if not (slack <= reach < (least + 1) // 2 and slack - reach <= lowest <= reach - slack - V + 1):
         raise ValueError("reach: a step leaves the margin; use margin(frames, longest step)")
-    first = z[0].reshape(X * Y)
-    for values in I[0].reshape(V * V, X * Y):  # eq. (14): every velocity has the cell's value
-        for x in range(X * Y):  # the same as I[0] = z[0], which takes seconds to compile
-            values[x] = first[x]
+    maps, frames, size = I.reshape(I.size), z.reshape(z.size), X * Y
+    for start in range(0, V * V * size, size):  # eq. (14): every velocity has the cell's value
+        _top(maps, start, frames, (0, 0), size, frames[:0], 0)
 
 
 @kernel
@@ -142,98 +136,104 @@ def _check_state(I, state, lowest):
             raise ValueError("state: give four indices (iv, jv, i, j) into the maps")
 
 
-# Loops over one contiguous plane
+# Loops over planes.  Arrays are flat and offsets unsigned: Numba counts references for each slice
+# and tests each signed index for wrap-around, which takes as long as the planes themselves.
 
 
 @kernel
-def _top_of_two(target, first, second, term):
-    plus = term.size > 0
-    for x in range(target.size):
-        best = first[x] if first[x] > second[x] else second[x]
-        target[x] = best + term[x] if plus else best
+def _close(maps, start, planes, size, width):
+    """Set to -inf the first and the last ``width`` values of planes of ``size`` values."""
+    for plane in range(start, start + planes * size, size):
+        for edge in (np.uint64(plane), np.uint64(plane + size - width)):
+            for x in range(np.uint64(width)):
+                maps[edge + x] = -np.inf
 
 
 @kernel
-def _top(target, first, second, third, term):
-    plus = term.size > 0
-    for x in range(target.size):
-        best = first[x] if first[x] > second[x] else second[x]
-        best = best if best > third[x] else third[x]
-        target[x] = best + term[x] if plus else best
+def _top(target, to, source, at, n, term, origin):
+    """target[to + x] = max of source[at[c] + x], two or three c, plus term[origin + x] if any."""
+    t, o, plus = np.uint64(to), np.uint64(origin), term.size > 0
+    i, j, k = np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[-1])
+    for x in range(np.uint64(n)):
+        best = source[i + x] if source[i + x] > source[j + x] else source[j + x]
+        if len(at) == 3:
+            best = best if best > source[k + x] else source[k + x]
+        target[t + x] = best + term[o + x] if plus else best
 
 
 @kernel
-def _window(target, source, start, step, count, term, work):
-    """target[x] = max of source[start + x + c step], c = 0..count-1, plus term[x] if there is one.
+def _window(target, to, source, at, step, count, n, term, origin, work):
+    """target[to + x] = max of source[at + x + c step], c = 0..count-1; term as in :func:`_top`.
 
     Three maxima over ``width`` neighbours are one over up to 3 width: seven take two passes.
     """
-    n, width, source, turn = target.size, 1, source[start:], 0
-    while 3 * width < count:
-        wider = work[turn, : n + (count - 3 * width) * step]
-        _top(wider, source, source[width * step :], source[2 * width * step :], term[:0])
-        source, width, turn = wider, 3 * width, 1 - turn
-    far = count - width
-    if count == 2:
-        _top_of_two(target, source, source[step:], term)
+    far, width, half = (count - 1) * step, 3 * step, work.size // 2
+    if count < 3:
+        _top(target, to, source, (at, at + far), n, term, origin)
+    elif count == 3:
+        _top(target, to, source, (at, at + step, at + far), n, term, origin)
     else:
-        _top(target, source, source[(far + 1) // 2 * step :], source[far * step :], term)
+        _top(work, 0, source, (at, at + step, at + 2 * step), n + far + step - width, term[:0], 0)
+        at = 0
+        while 3 * width <= far:
+            ends, wider = (at, at + width, at + 2 * width), n + far + step - 3 * width
+            _top(work, half - at, work, ends, wider, term[:0], 0)
+            width, at = 3 * width, half - at
+        far += step - width
+        middle = (far // step + 1) // 2 * step
+        _top(target, to, work, (at, at + middle, at + far), n, term, origin)
+
+
+def _family(combine):
+    """Decorator of a kernel for mul or sub.  Numba's cache links by name: each needs its own."""
+
+    def compiled(function):
+        function.__qualname__ += "_" + combine.__name__
+        return kernel(function)
+
+    return compiled
+
+
+def _best(combine, left_out):
+    """The loop of a family: a value is combined with a weight by mul, with a price by sub."""
+
+    @_family(combine)
+    def best(target, to, source, at, shape, weight, term, origin):
+        """target[v, x] = max of source[v, x + c step] with weight[c], plus term[x] if any.
+
+        c = 0, 1, 2, but for those whose weight leaves them out; v, x run through ``shape``.
+        to, at : offset of [0, 0] and of one v; then step.  origin : offset of term[0].
+        """
+        (start, pitch), (first, apart, step), (V, n) = to, at, shape
+        o, plus, a, b, c = np.uint64(origin), term.size > 0, weight[0], weight[1], weight[2]
+        before, after = -step, step
+        if a == left_out:
+            before, a = 0, b
+        if c == left_out:
+            after, c = 0, b
+        for v in range(V):
+            t, j = np.uint64(start + v * pitch), first + v * apart + step
+            i, j, k = np.uint64(j + before), np.uint64(j), np.uint64(j + after)
+            for x in range(np.uint64(n)):
+                p, q = combine(source[i + x], a), combine(source[j + x], b)
+                r = combine(source[k + x], c)
+                p = p if p > q else q
+                p = p if p > r else r
+                target[t + x] = p + term[o + x] if plus else p
+
+    return best
 
 
 @kernel
-def _best_product(target, source, step, weight, term):
-    """target[x] = max of weight[c] source[x + c step], c = 0..2, plus term[x] if there is one.
-
-    A weight of 0 leaves c out.
-    """
-    first, second, third = source, source[step:], source[2 * step :]
-    a, b, c = weight[0], weight[1], weight[2]
-    if not a > 0:
-        first, a = second, b
-    if not c > 0:
-        third, c = second, b
-    plus = term.size > 0
-    for x in range(target.size):
-        p, q, r = a * first[x], b * second[x], c * third[x]
+def _raise_products(target, to, source, at, step, n, weight):
+    """target[to + x] = max of itself and weight[c] source[at + x + c step], c = 0, 1, 2."""
+    t, a, b, c = np.uint64(to), weight[0], weight[1], weight[2]
+    i, j, k = np.uint64(at), np.uint64(at + step), np.uint64(at + 2 * step)
+    for x in range(np.uint64(n)):
+        p, q, r = a * source[i + x], b * source[j + x], c * source[k + x]
         p = p if p > q else q
-        p = p if p > r else r
-        target[x] = p + term[x] if plus else p
-
-
-@kernel
-def _best_difference(target, source, step, price, term):
-    """target[x] = max of source[x + c step] - price[c], c = 0..2, plus term[x] if there is one."""
-    first, second, third = source, source[step:], source[2 * step :]
-    a, b, c, plus = price[0], price[1], price[2], term.size > 0
-    for x in range(target.size):
-        p, q, r = first[x] - a, second[x] - b, third[x] - c
-        p = p if p > q else q
-        p = p if p > r else r
-        target[x] = p + term[x] if plus else p
-
-
-@kernel
-def _raise_products(target, source, step, weight):
-    """target[x] = max of target[x] and weight[c] source[x + c step] over c = 0, 1, 2."""
-    first, second, third = source, source[step:], source[2 * step :]
-    a, b, c = weight[0], weight[1], weight[2]
-    for x in range(target.size):
-        p, q, r = a * first[x], b * second[x], c * third[x]
-        p = p if p > q else q
-        r = r if r > target[x] else target[x]
-        target[x] = p if p > r else r
-
-
-@kernel
-def _allowed(weight):
-    """Index of the first positive weight, and how many there are; refuses a gap between them."""
-    first, count = 0, 0
-    for c in range(weight.size - 1, -1, -1):
-        if weight[c] > 0:
-            if count > 0 and first != c + 1:
-                raise ValueError("position: the allowed slacks must be neighbours; fill the gap")
-            first, count = c, count + 1
-    return first, count
+        r = r if r > target[t + x] else target[t + x]
+        target[t + x] = p if p > r else r
 
 
 # Specifications
@@ -283,22 +283,6 @@ def _path_of(I, state, table, lowest_velocity, combine):
 # Forward pass
 
 
-@kernel
-def _box_stage(previous, frame, position, lowest, reach, out, work):
-    V, Y, d = previous.shape[0], previous.shape[3], position.size // 2
-    lo, n = reach * Y, frame.size - 2 * reach * Y
-    first, count = _allowed(position)
-    z, rows, more = frame.reshape(frame.size), work[0], work[1:]
-    rows[:lo] = rows[lo + n :] = -np.inf
-    for iv in range(V):
-        for jv in range(V):
-            source, target = previous[iv, jv].reshape(frame.size), out[iv, jv].reshape(frame.size)
-            _window(rows[lo : lo + n], source, lo + first - d - lowest - jv, 1, count, z[:0], more)
-            start = lo + (first - d - lowest - iv) * Y
-            _window(target[lo : lo + n], rows, start, Y, count, z[lo:], more)
-            target[:lo] = target[lo + n :] = -np.inf
-
-
 def box_forward_spec(z, position, lowest_velocity, reach, I):
     """Specification of :func:`box_forward`: all pairs of slacks."""
     return coupled_forward_spec(z, position[:, None] > 0, lowest_velocity, reach, I)
@@ -316,40 +300,53 @@ def box_forward(z, position, lowest_velocity, reach, I):
     """
     _check_weights(position, (position.size,), 0)
     _begin(z, I, position.size // 2, lowest_velocity, reach)
-    work = np.empty((3, z.shape[1] * z.shape[2]), I.dtype)
-    for k in range(1, len(z)):
-        _box_stage(I[k - 1], z[k], position, lowest_velocity, reach, I[k], work)
+    V, size, Y = I.shape[1], z[0].size, z.shape[2]
+    lo, n, allowed = reach * Y, size - 2 * reach * Y, np.flatnonzero(position)
+    shift, count = position.size // 2 - allowed[0] + lowest_velocity, allowed.size
+    if allowed[-1] - allowed[0] >= count:
+        raise ValueError("position: the allowed slacks must be neighbours; fill the gap")
+    maps, frames, none = I.reshape(I.size), z.reshape(z.size), z[0, 0, :0]
+    rows, work = np.full(size, -np.inf).astype(I.dtype), np.empty(2 * size, I.dtype)
+    for k, iv, jv in np.ndindex(len(z) - 1, V, V):
+        old = ((k * V + iv) * V + jv) * size + lo
+        _window(rows, lo, maps, old - shift - jv, 1, count, n, none, 0, work)
+        new, frame = old + V * V * size, (k + 1) * size + lo
+        _window(maps, new, rows, lo - (shift + iv) * Y, Y, count, n, frames, frame, work)
+        _close(maps, new - lo, 1, size, lo)
     return I
 
 
-def _extended(best):
-    """The loops of a family: on each axis the best slack of each velocity, then its best change."""
+def _extended(combine, left_out):
+    """The passes of a family: on each axis the best slack of each velocity, then its best change.
 
-    @kernel
+    They run through pieces of a plane, whose best slacks stay in the first-level cache.
+    """
+    best = _best(combine, left_out)
+
+    @_family(combine)
     def forward(z, position, velocity, lowest, reach, I):
         V, size, Y = I.shape[1], z[0].size, z.shape[2]
-        lo, n = reach * Y, size - 2 * reach * Y
-        rows = np.full((V + 2) * n, -np.inf).astype(I.dtype)  # velocity v in row v + 1
+        lo, n, none = reach * Y, size - 2 * reach * Y, z.reshape(z.size)[:0]
+        rows, half = np.empty((V + 2) * PIECE, I.dtype), np.empty(V * V * size, I.dtype)
+        rows[:], half[:], maps = -np.inf, -np.inf, I.reshape(I.size)  # velocity v in row v + 1
         for k in range(1, len(z)):
-            old, new = I[k - 1].reshape(V * V * size), I[k].reshape(V * V * size)
-            for plane in new.reshape(V * V, size):
-                plane[:lo] = plane[lo + n :] = -np.inf
-            frame = z[k].reshape(size)[lo : lo + n]
-            axes = (V * size, size, 1, frame[:0]), (size, V * size, Y, frame)
-            for across, along, step, term in axes:
-                for start in range(lo, lo + V * across, across):
-                    for v in range(V):
-                        source = old[start + v * along - (lowest + v + 1) * step :]
-                        best(rows[(v + 1) * n : (v + 2) * n], source, step, position, frame[:0])
-                    for v in range(V):
-                        best(new[start + v * along :][:n], rows[v * n :], n, velocity, term)
-                old = new
+            new, frame = k * V * V * size, z[k].reshape(size)
+            across = maps, new - V * V * size, half, 0, V * size, size, 1, none
+            down = half, 0, maps, new, size, V * size, Y, frame
+            for old, begin, out, end, outer, inner, step, term in (across, down):
+                for first, x in np.ndindex(V, (n - 1) // PIECE + 1):
+                    here, shape = lo + first * outer + x * PIECE, (V, min(PIECE, n - x * PIECE))
+                    at = begin + here - (lowest + 1) * step, inner - step, step
+                    best(rows, (PIECE, PIECE), old, at, shape, position, none, 0)
+                    to, at, origin = (end + here, inner), (0, PIECE, PIECE), lo + x * PIECE
+                    best(out, to, rows, at, shape, velocity, term, origin)
+            _close(maps, new, V * V, size, lo)
         return I
 
     return forward
 
 
-_weighted, _penalised = _extended(_best_product), _extended(_best_difference)
+_weighted, _penalised = _extended(operator.mul, 0), _extended(operator.sub, np.inf)
 
 
 def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I):
@@ -405,20 +402,24 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     _check_weights(table, (3, 3), TINY)
     _begin(z, I, 1, lowest_velocity, reach)
     V, Y, size = I.shape[1], z.shape[2], z[0].size
-    lo, n, rows = reach * Y, size - 2 * reach * Y, np.full((V, size), -np.inf).astype(I.dtype)
+    lo, n, maps = reach * Y, size - 2 * reach * Y, I.reshape(I.size)
+    rows = np.full(V * size, -np.inf).astype(I.dtype)
     for k, jv in np.ndindex(len(z) - 1, V):
         for u in range(V):
-            rows[u, lo : lo + n] = -np.inf
+            start = u * size + lo
+            rows[start : start + n] = -np.inf
             for w in range(max(jv - 1, 0), min(jv + 2, V)):
-                source = I[k, u, w].reshape(size)[lo - lowest_velocity - w - 1 :]
-                _raise_products(rows[u, lo : lo + n], source, 1, table[:, w - jv + 1])
+                at = ((k * V + u) * V + w) * size + lo - lowest_velocity - w - 1
+                _raise_products(rows, start, maps, at, 1, n, table[:, w - jv + 1])
         for iv in range(V):
-            plane = I[k + 1, iv, jv].reshape(size)
-            target, plane[:] = plane[lo : lo + n], -np.inf
+            start = (((k + 1) * V + iv) * V + jv) * size + lo
+            target = maps[start : start + n]
+            target[:] = -np.inf
             for u in range(max(iv - 1, 0), min(iv + 2, V)):
-                source = rows[u, lo - (lowest_velocity + u + 1) * Y :]
-                _raise_products(target, source, Y, table[:, u - iv + 1])
+                at = u * size + lo - (lowest_velocity + u + 1) * Y
+                _raise_products(maps, start, rows, at, Y, n, table[:, u - iv + 1])
             target += z[k + 1].reshape(size)[lo : lo + n]
+            _close(maps, start - lo, 1, size, lo)
     return I
 
 
@@ -428,7 +429,7 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
 def _trace(combine):
     """The back-trace of a family: a value is combined with a weight by mul, with a price by sub."""
 
-    @kernel
+    @_family(combine)
     def predecessor(previous, state, position, table, lowest):
         """Predecessor of largest value; the first one wins a tie, and NaN never wins.
 
@@ -452,7 +453,7 @@ def _trace(combine):
                                 best, found = value, (u, w, x, y)
         return found
 
-    @kernel
+    @_family(combine)
     def path(I, state, position, table, lowest):
         _check_state(I, state, lowest)
         path = np.full((len(I), 4), -1)

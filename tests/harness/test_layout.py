@@ -122,6 +122,25 @@ def test_a_kernel_calls_kernels_of_its_own_module_only(module):
             assert not home.startswith("tbdcore") or home == function.__module__
 
 
+def kernels_within(names):
+    """All Python functions that are compiled in a namespace, those in closures too."""
+    found = {}
+    for function in (value.py_func for value in names.values() if hasattr(value, "py_func")):
+        held = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+        found |= {id(function): function}
+        found |= kernels_within({name: cell.cell_contents for name, cell in held})
+    return found
+
+
+@pytest.mark.parametrize("module", [module for module in CORE if module != "__init__"])
+def test_no_two_kernels_share_a_name(module):
+    # Numba links what it has cached by name and a running number, which two processes count alike:
+    # of two kernels of one name, the second would silently run the first one's code.
+    names = vars(importlib.import_module(f"tbdcore.{module}"))
+    kernels = [kernel.__qualname__ for kernel in kernels_within(names).values()]
+    assert len(set(kernels)) == len(kernels)
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_every_module_opens_with_a_docstring(module):
     assert ast.get_docstring(
