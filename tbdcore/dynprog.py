@@ -30,7 +30,7 @@ from numba.core.errors import NumbaError
 from tbdcore import checks, kernel
 
 TINY = np.finfo(np.float32).smallest_subnormal
-PIECE = 480  # cells of a plane that are treated together
+PIECE = 1920  # bytes of a plane that are treated together
 
 
 def margin(frames, width):
@@ -326,19 +326,19 @@ def _extended(combine, left_out):
     @_family(combine)
     def forward(z, position, velocity, lowest, reach, I):
         V, size, Y = I.shape[1], z[0].size, z.shape[2]
-        lo, n, none = reach * Y, size - 2 * reach * Y, z.reshape(z.size)[:0]
-        rows, half = np.empty((V + 2) * PIECE, I.dtype), np.empty(V * V * size, I.dtype)
+        lo, n, none, piece = reach * Y, size - 2 * reach * Y, z[0, 0, :0], PIECE // I.itemsize
+        rows, half = np.empty((V + 2) * piece, I.dtype), np.empty(V * V * size, I.dtype)
         rows[:], half[:], maps = -np.inf, -np.inf, I.reshape(I.size)  # velocity v in row v + 1
         for k in range(1, len(z)):
             new, frame = k * V * V * size, z[k].reshape(size)
             across = maps, new - V * V * size, half, 0, V * size, size, 1, none
             down = half, 0, maps, new, size, V * size, Y, frame
             for old, begin, out, end, outer, inner, step, term in (across, down):
-                for first, x in np.ndindex(V, (n - 1) // PIECE + 1):
-                    here, shape = lo + first * outer + x * PIECE, (V, min(PIECE, n - x * PIECE))
+                for first, x in np.ndindex(V, (n - 1) // piece + 1):
+                    here, shape = lo + first * outer + x * piece, (V, min(piece, n - x * piece))
                     at = begin + here - (lowest + 1) * step, inner - step, step
-                    best(rows, (PIECE, PIECE), old, at, shape, position, none, 0)
-                    to, at, origin = (end + here, inner), (0, PIECE, PIECE), lo + x * PIECE
+                    best(rows, (piece, piece), old, at, shape, position, none, 0)
+                    to, at, origin = (end + here, inner), (0, piece, piece), lo + x * piece
                     best(out, to, rows, at, shape, velocity, term, origin)
             _close(maps, new, V * V, size, lo)
         return I

@@ -3,12 +3,6 @@
 A filter carries ``N`` particles: states ``S`` (N, d) and one log-weight ``lw[n]`` each, because one
 frame can be worth a factor e**30 and forty frames in a row overflow a float.
 
-``normalise(lw)``            the weights ``W``, which sum to one, and the log of the mean weight
-``effective_size(W)``        1 / sum W**2, from 1 (degenerate) to N (equal weights)
-``systematic(W, M, u)``      ancestors of M resampled particles
-``resample(lw, M, u)``       the three above in one pass
-``copy_particles(r, S, n)``  the resampled particles, their number in each regime, the mean state
-
 If un-normalised weights are likelihood ratios of "the target is present" against "nothing is
 there", their mean is the ratio L of the two hypotheses, and the probability of existence P is
 
@@ -47,7 +41,7 @@ def normalise(lw):
 
 
 def effective_size(W):
-    """Kish's effective number of particles, 1 / sum W**2, for weights (N,) that sum to one."""
+    """Kish's effective number of particles, 1 / sum W**2 in [1, N]; W : (N,), sums to one."""
     W = checks.reals("weights", W, "N")
     total = _total(W)
     if not abs(total - 1.0) < 1e-3:
