@@ -159,8 +159,8 @@ FAULTS = [
     Plant(
         "a window one cell too narrow",
         "tbdcore/dynprog.py",
-        "far = count - width",
-        "far = count - width - 1",
+        "far += step - width",
+        "far -= width",
         "kernels/test_dynprog.py::test_conventional_forward_pass_is_a_maximum_filter",
     ),
     Plant(
