@@ -73,7 +73,6 @@ NUMPY = {
     "transition": transition,
     "box_states": motion.box_states_spec,
     "systematic": particles.systematic_spec,
-    "resample": particles.resample_spec,
     "copy_particles": particles.copy_particles_spec,
 }
 OF_CORE = {name: function for name, function in NUMPY.items() if hasattr(particles, name)}
@@ -98,7 +97,6 @@ def kernels():
     yield motion.transition, motion.transition_spec, (r, S.copy(), PI, 1.0, u, a, omegas, True)
     yield motion.box_states, motion.box_states_spec, (rng.random((5, N)), low, width, omegas)
     yield particles.systematic, particles.systematic_spec, (W, N // 2, 0.3)
-    yield particles.resample, particles.resample_spec, (lw, N // 2, 0.3)
     yield (
         particles.copy_particles,
         particles.copy_particles_spec,

@@ -134,6 +134,15 @@ def transition_spec(r, S, Pi, T, u, a, omegas, redraw):
 
 
 @kernel
+def _move(S, n, along, aside, c, s, T, a):
+    vx, vy = S[n, 1], S[n, 3]
+    S[n, 0] += along * vx - aside * vy + 0.5 * T * T * a[n, 0]
+    S[n, 1] = c * vx - s * vy + T * a[n, 0]
+    S[n, 2] += aside * vx + along * vy + 0.5 * T * T * a[n, 1]
+    S[n, 3] = s * vx + c * vy + T * a[n, 1]
+
+
+@kernel
 def transition(r, S, Pi, T, u, a, omegas, redraw):
     """One frame of the chain and of the motion: regimes (N,), indices of the born (B,), states.
 
@@ -152,30 +161,24 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
         if not (min(p, q, w) >= 0.0 and abs(p + q + w - 1.0) <= 1e-9 and abs(T) < np.inf):
             raise ValueError("motion.transition: a row of Pi does not sum to 1, or T is not finite")
     both = _check_intervals(omegas) if len(omegas) else 0.0
-    after, born, b = np.empty_like(r), np.empty(r.size, np.int64), 0
-    for n in range(r.size):
+    after, m = np.empty_like(r), np.zeros(4, np.int64)
+    lists = np.empty((4, r.size), np.int64)  # the absent, straight, turning, born; m of each
+    for n in range(r.size):  # no branch here, which a processor would have to guess
         before = r[n]
         if not (0 <= before <= 2 and 0.0 <= u[n] < 1.0):
             raise ValueError("motion.transition: a regime is not 0, 1, 2, or a draw not in [0, 1)")
-        first, second = Pi[before, 0], Pi[before, 0] + Pi[before, 1]
-        after[n] = int(u[n] >= first) + int(u[n] >= second)
-        if after[n] == 0:
-            continue
-        if before == 0 and redraw:
-            born[b] = n
-            b += 1
-            continue
-        along, aside, c, s = T, 0.0, 1.0, 0.0
-        if after[n] == 2:
-            if before == 1 and len(omegas):
-                S[n, 4] = _turn_rate((u[n] - second) / (1.0 - second) * both, omegas)
-            h = 0.5 * S[n, 4] * T
-            sh, ch = math.sin(h), math.cos(h)
-            f = T * sh / h if h != 0.0 else T
-            along, aside, c, s = f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch
-        vx, vy = S[n, 1], S[n, 3]
-        S[n, 0] += along * vx - aside * vy + 0.5 * T * T * a[n, 0]
-        S[n, 1] = c * vx - s * vy + T * a[n, 0]
-        S[n, 2] += aside * vx + along * vy + 0.5 * T * T * a[n, 1]
-        S[n, 3] = s * vx + c * vy + T * a[n, 1]
-    return after, born[:b], S
+        after[n] = int(u[n] >= Pi[before, 0]) + int(u[n] >= Pi[before, 0] + Pi[before, 1])
+        k = 3 if (before == 0) & (after[n] > 0) & redraw else after[n]
+        lists[k, m[k]] = n
+        m[k] += 1
+    for n in lists[1, : m[1]]:
+        _move(S, n, T, 0.0, 1.0, 0.0, T, a)
+    for n in lists[2, : m[2]]:
+        if r[n] == 1 and len(omegas):
+            second = Pi[1, 0] + Pi[1, 1]
+            S[n, 4] = _turn_rate((u[n] - second) / (1.0 - second) * both, omegas)
+        h = 0.5 * S[n, 4] * T
+        sh, ch = math.sin(h), math.cos(h)
+        f = T * sh / h if h != 0.0 else T
+        _move(S, n, f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch, T, a)
+    return after, lists[3, : m[3]], S

@@ -122,37 +122,6 @@ def _arrows(W, total, M, u):
     return np.cumsum(passed[:M])
 
 
-def resample_spec(lw, M, u):
-    """Specification of :func:`resample`: normalise, then resample."""
-    W, _ = normalise(lw)
-    ancestors = systematic_spec(W, M, u)
-    return ancestors, effective_size(W), len(set(ancestors))
-
-
-@checks.typed
-@kernel
-def resample(lw, M, u):
-    """Systematic resampling from log-weights lw (N,), M and u as in :func:`systematic`.
-
-    Returns ancestors (M,), ascending; effective size; number of different ancestors.  Absent
-    particles have a log-weight of exactly 0, whose exponential is taken once.
-    """
-    top = lw.max() if lw.size else -np.inf
-    W, zero = np.empty(lw.size), math.exp(-top)
-    total = squares = 0.0
-    for n in range(lw.size):
-        W[n] = w = zero if lw[n] == 0.0 else math.exp(lw[n] - top)
-        total += w
-        squares += w * w
-    if not total > 0.0:
-        raise ValueError("log-weights: one is NaN or inf, or none is finite; correct the frame")
-    ancestors = _arrows(W, total, M, u)
-    different = min(M, 1)
-    for m in range(1, M):
-        different += int(ancestors[m] != ancestors[m - 1])
-    return ancestors, total * total / squares, different
-
-
 def copy_particles_spec(r, S, ancestors):
     """Specification of :func:`copy_particles`: fancy indices, masks and means."""
     r, S = r[ancestors], S[ancestors]

@@ -33,15 +33,19 @@ def log_weights(n, seed=1):
     return np.where(rng.random(n) < 0.4, 0.0, rng.normal(-5.0, 8.0, n))
 
 
+def normalised(lw):
+    return particles.normalise(lw)[0]
+
+
 CASES += [
-    ("resample", particles.resample, particles.resample_spec, args)
+    ("systematic, log-weights", particles.systematic, particles.systematic_spec, args)
     for args in (
-        lambda: (log_weights(400), 200, 0.3),
-        lambda: (log_weights(50) - 1000.0, 300, 0.999),
-        lambda: (np.array([-np.inf, 700.0, 700.5, -np.inf]), 7, 0.0),
-        lambda: (np.zeros(10), 10, 0.5),
-        lambda: (np.array([-2.0]), 3, 0.7),
-        lambda: (np.array([-1e308, 1e308]), 3, 0.3),
+        lambda: (normalised(log_weights(400)), 200, 0.3),
+        lambda: (normalised(log_weights(50) - 1000.0), 300, 0.999),
+        lambda: (normalised(np.array([-np.inf, 700.0, 700.5, -np.inf])), 7, 0.0),
+        lambda: (normalised(np.zeros(10)), 10, 0.5),
+        lambda: (normalised(np.array([-2.0])), 3, 0.7),
+        lambda: (normalised(np.array([-1e308, 1e308])), 3, 0.3),
     )
 ]
 

@@ -22,24 +22,6 @@ def test_normalise_refuses_in_one_line(lw):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("lw", [[-np.inf, -np.inf], [0.0, np.nan], [0.0, np.inf]])
-def test_resample_refuses_in_one_line(lw):
-    with pytest.raises(ValueError, match="log-weights"):
-        particles.resample(np.array(lw), 2, 0.5)
-
-
-def test_resample_is_normalise_and_systematic():
-    """The three results against the functions that have them apart, on weights that span forty
-    decades.
-    """
-    lw = np.random.default_rng(7).normal(0.0, 20.0, 1000)
-    W, _ = particles.normalise(lw)
-    ancestors, n_eff, different = particles.resample(lw, 500, 0.25)
-    assert (ancestors == particles.systematic(W, 500, 0.25)).all()
-    assert n_eff == pytest.approx(particles.effective_size(W), rel=1e-12)
-    assert different == particles.distinct(ancestors)
-
-
 def test_effective_size_counts_equal_weights():
     assert particles.effective_size(np.full(8, 1 / 8)) == pytest.approx(8)
     assert particles.effective_size(np.array([0.5, 0.5, 0.0, 0.0])) == pytest.approx(2)

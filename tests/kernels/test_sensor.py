@@ -165,11 +165,17 @@ def test_blob_ratio_is_invariant_under_scale_and_whole_cell_shifts():
     assert blob_ratio(z.T.copy(), (8.5, 12.25)) == pytest.approx(here, rel=1e-12)
 
 
-def test_blob_outside_the_frame_says_nothing():
+def test_a_blob_outside_the_frame_lights_the_cells_that_its_patch_has_in_it():
+    """Those of a larger frame in which all other cells are cut away; beyond 2.5 cells, none."""
     z = np.random.default_rng(11).normal(size=(30, 20))
-    outside = blob_ratio(z, (0.49, 5), (30.5, 5), (5, 20.5), (5, 0.49), (5, 25))
-    assert (outside == 0).all()
-    assert (blob_ratio(z, (0.5, 0.5), (30.49, 20.49)) != 0).all()
+    for x, y in ((0.49, 5), (-1.2, 5), (30.6, 5), (32.4, 7.3), (5, 20.5), (31, 21.9), (0.1, -1)):
+        i, j = np.mgrid[1:31, 1:21]
+        h = PEAK * np.exp(-((i - x) ** 2 + (j - y) ** 2) / (2 * BLUR**2))
+        h *= (abs(i - math.floor(x + 0.5)) <= 2) & (abs(j - math.floor(y + 0.5)) <= 2)
+        brute = (h * (2 * z - h)).sum() / (2 * NOISE**2)
+        assert blob_ratio(z, (x, y))[0] == pytest.approx(brute, rel=1e-9)
+    far = blob_ratio(z, (-1.6, 5), (32.6, 5), (5, 22.6), (5, -1.6), (5, 25), (1e9, 5), (5, -1e300))
+    assert (far == 0).all()
 
 
 def test_blob_image_of_many_positions_and_of_none():
