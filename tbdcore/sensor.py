@@ -450,7 +450,7 @@ def _power_log_ratio(z, rho, alpha, snr, tilts, spread):
         _gaussian(ga, w + ha, 1.0, tilts[2, n], fa)
         first, end = min(max(left, 0), na - w), min(top + 2 * hr + 1, nr)
         gr[end - top : 2 * hr + 1] = 0.0
-        sum, many, column, shift = 0.0, 1.0, np.uint64(first), np.uint64(w + first - left)
+        ratio, many, column, shift = 0.0, 1.0, np.uint64(first), np.uint64(w + first - left)
         for i in range(max(top, 0), end, 5):
             row, m = _five_rows(i, end - 1), i - top
             g = gr[m], gr[m + 1], gr[m + 2], gr[m + 3], gr[m + 4]
@@ -463,13 +463,13 @@ def _power_log_ratio(z, rho, alpha, snr, tilts, spread):
                 a, b = _with_cell(a, b, z[row[4], j], g[4] * h)
                 part[k], den[k] = a / b, b
             for k in range(w):
-                sum += part[k]
+                ratio += part[k]
                 many *= den[k]
             if many > 1e150:
-                sum, many = sum - math.log(many), 1.0
-        if not math.isfinite(sum + many):
-            sum, many = _sum_of_cells(z, top, left, gr, ga[w : w + 2 * ha + 1]), 1.0
-        total[n], product[n] = sum, many
+                ratio, many = ratio - math.log(many), 1.0
+        if not math.isfinite(ratio + many):
+            ratio, many = _sum_of_cells(z, top, left, gr, ga[w : w + 2 * ha + 1]), 1.0
+        total[n], product[n] = ratio, many
     return total, product
 
 
