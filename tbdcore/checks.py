@@ -33,14 +33,19 @@ def typed(compiled, inside=None):
     return call
 
 
+def plain(name, values):
+    """The values as an array; a masked one is a ValueError, since its mask would be lost."""
+    if isinstance(values, np.ma.MaskedArray):
+        raise ValueError(f"{name}: a masked array; give {name}.filled(value)")
+    return np.asarray(values)
+
+
 def reals(name, values, *shape):
     """Array of real numbers of the given shape, in which a word stands for any size.
 
     float32 and float64 are kept, other real numbers become float64.
     """
-    a = np.asarray(values)
-    if a.shape == shape and a.dtype in _FLOATS:
-        return a
+    a = plain(name, values)
     if a.dtype not in _FLOATS:
         if a.dtype.kind not in "fiu":
             raise ValueError(f"{name}: values of type {a.dtype}; give real numbers")
@@ -51,7 +56,7 @@ def reals(name, values, *shape):
 
 def integers(name, values, *shape):
     """Array of integers (int64) of the given shape, as in :func:`reals`."""
-    a = np.asarray(values)
+    a = plain(name, values)
     if a.dtype.kind not in "iu" and a.size:
         raise ValueError(f"{name}: values of type {a.dtype}; give integers")
     _fit(name, a.shape, shape)
@@ -82,7 +87,8 @@ def integer(name, value, low):
 
 def number(name, value, low, high):
     """Raise ValueError unless value is a real number in [low, high]."""
-    if not (isinstance(value, (float, int, np.floating, np.integer)) and low <= value <= high):
+    plain = value.item() if isinstance(value, np.generic) else value  # float32 has other limits
+    if not (isinstance(plain, (float, int, np.floating)) and low <= plain <= high):
         raise ValueError(f"{name}: {value!r} is no number in [{low:g}, {high:g}]")
 
 

@@ -35,15 +35,14 @@ PIECE = 1920  # bytes of a plane that are treated together
 
 def margin(frames, width):
     """Frames (K, Nx, Ny), all finite, with ``width`` cells of -inf around."""
-    frames, width = np.asarray(frames), checks.integer("width", width, 0)
-    if frames.ndim != 3 or 0 in frames.shape:
-        raise ValueError(f"frames: shape {frames.shape}; stack them to (K, Nx, Ny), none empty")
     frames = checks.reals("frames", frames, "K", "Nx", "Ny")
-    K, Nx, Ny = frames.shape
+    K, Nx, Ny, width = *frames.shape, checks.integer("width", width, 0)
+    if 0 in frames.shape:
+        raise ValueError(f"frames: shape {frames.shape}; stack them to (K, Nx, Ny), none empty")
     framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
     if _surround(np.ascontiguousarray(frames), width, framed):
-        k, i, j = np.argwhere(~np.isfinite(frames))[0]
-        raise ValueError(f"frames: {frames[k, i, j]} in frame {k}, cell ({i}, {j}); replace it")
+        at = np.argwhere(~np.isfinite(frames))[0].tolist()
+        raise ValueError(f"frames{at} is {frames[tuple(at)]}; replace it")
     return framed
 
 

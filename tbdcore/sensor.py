@@ -169,8 +169,7 @@ def point_frames(noise, cells, amplitude):
     if amplitude.shape not in ((), (K,)) or not np.isfinite(amplitude).all():
         raise ValueError("point_frames: amplitude is not finite; give a number or (K,)")
     for k in np.flatnonzero(((cells < 0) | (cells >= shape)).any(axis=1)):
-        cell = tuple(cells[k].tolist())
-        raise ValueError(f"point_frames: cell {cell} of frame {k} is outside {shape}")
+        raise ValueError(f"point_frames: cells[{k}] is {cells[k].tolist()}, outside {shape}")
     z = noise.copy()
     z[np.arange(K), cells[:, 0], cells[:, 1]] += amplitude
     return z
@@ -204,7 +203,9 @@ class Spread(NamedTuple):
 
 
 def polar_grid(r_min, r_max, a_min, a_max, dr, da):
-    """The grid of a region; r in m, a in rad.  ValueError unless it has whole numbers of cells."""
+    """The grid of a region of whole cells; r in m, a in rad, at most a circle."""
+    if not (abs(a_min) <= 2 * math.pi and a_max - a_min <= 2 * math.pi + 1e-9):
+        raise ValueError(f"azimuth: {a_min:g} to {a_max:g} rad; give radians, at most a circle")
     if not (0.0 < dr < math.inf and 0.0 < da < math.inf):
         raise ValueError(f"cell size: dr = {dr} m, da = {da} rad; both must be positive")
     counts = (r_max - r_min) / dr, (a_max - a_min) / da
@@ -217,11 +218,14 @@ def polar_grid(r_min, r_max, a_min, a_max, dr, da):
 def polar_cells(x, y, grid):
     """Cell coordinates (rho, alpha) of positions in m; cell (i, j) is centred at (i, j), one wide.
 
-    alpha is NaN, which is in no cell, unless y > 0.
+    Azimuths are those within half a turn of the middle of the region.
     """
-    x, y = np.asarray(x, float), np.where(np.asarray(y) > 0.0, y, np.nan)
-    r, a = np.sqrt(x * x + y * y), 0.5 * np.pi - np.arctan(x / y)
-    return (r - grid.r_min) / grid.dr + 0.5, (a - grid.a_min) / grid.da + 0.5
+    x, y = np.asarray(x, float), np.asarray(y, float) + 0.0  # no negative zero
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a = 0.5 * np.pi - np.arctan(x / y) - np.pi * (y < 0.0) - grid.a_min
+    turns = np.round((a - 0.5 * grid.na * grid.da) / (2.0 * np.pi))
+    rho = (np.sqrt(x * x + y * y) - grid.r_min) / grid.dr + 0.5
+    return rho, (a - 2.0 * np.pi * turns) / grid.da + 0.5
 
 
 def spread_power(rho, alpha, spread, shape):
@@ -279,8 +283,7 @@ def _frames_with_target(z, rho, alpha, power):
 def _target_cells(rho, alpha, spread, shape):
     """Slices of the cells around a point in which h**2 is above 1e-16, and h**2 in them."""
     if not (0.5 <= rho < shape[0] + 0.5 and 0.5 <= alpha < shape[1] + 0.5):
-        cell, frame = f"({rho:.1f}, {alpha:.1f})", f"{shape[0]} x {shape[1]} cells"
-        raise ValueError(f"target at cell {cell} is outside the {frame}; move it or the area")
+        raise ValueError(f"target at cell ({rho:.1f}, {alpha:.1f}) is outside {shape}; move it")
     near, power = [], []
     for v, l, n in ((rho, spread.lr, shape[0]), (alpha, spread.la, shape[1])):
         half = math.sqrt(37.0 / l)
@@ -312,14 +315,6 @@ def add_target_per_cell(z, rho, alpha, snr, spread):
     for k in _frames_with_target(z, rho, alpha, 0.0):
         near, h2 = _target_cells(rho[k], alpha[k], spread, z.shape[1:])
         z[k][near] *= 1.0 + snr * h2
-
-
-def check_frames(z):
-    """Raise ValueError, naming the first, unless all cells of z (K, nr, na) are finite and >= 0."""
-    z = checks.reals("frames", z, "K", "nr", "na")
-    if not (z.min(initial=0.0) >= 0.0 and z.max(initial=0.0) < np.inf):
-        k = np.flatnonzero(~((z >= 0.0) & (z < np.inf)).all(axis=(1, 2)))[0]
-        raise ValueError(f"frames: frame {k + 1} has a cell that is negative, infinite or NaN")
 
 
 def _polar(spread, z, rho, alpha, *snr, high=HIGH):

@@ -216,9 +216,30 @@ def test_polar_grid_and_cells():
         sensor.polar_grid(11e3, 12e3, 0.0, 1.0, 3.0, 0.5)
 
 
-def test_only_what_is_in_front_of_the_radar_has_an_azimuth():
-    _, alpha = sensor.polar_cells([500.0] * 3, [1e-9, 0.0, -1.0], GRID)
-    assert np.isnan(alpha).tolist() == [False, True, True]
+@pytest.mark.parametrize("a_min", [-6.0, -math.pi, -1.0, -0.1, 0.0, 0.4, 3.0, 6.0])
+@pytest.mark.parametrize("na", [3, 157, 314])
+def test_a_region_may_lie_at_any_azimuth(a_min, na):
+    """Up to a whole circle of 314 cells, and positions of both signs."""
+    da = math.pi / 157
+    grid = sensor.polar_grid(0.0, 900.0, a_min, a_min + na * da, 1.0, da)
+    alpha = np.linspace(0.51, na + 0.49, 97)
+    a = a_min + da * (alpha - 0.5)
+    found = sensor.polar_cells(400.0 * np.cos(a), 400.0 * np.sin(a), grid)
+    assert found[0] == pytest.approx(400.5)
+    assert found[1] == pytest.approx(alpha, abs=1e-9)
+
+
+def test_the_axes_have_azimuths_and_the_radar_has_none():
+    grid = sensor.polar_grid(0.0, 9.0, -math.pi / 2, math.pi, 1.0, math.pi / 2)
+    x, y = np.array([[1, 0, -1, 0, 1, 0], [0, 1, 0, -1, -0.0, 0]])
+    assert sensor.polar_cells(x, y, grid)[1][:5] == pytest.approx([1.5, 2.5, 3.5, 0.5, 1.5])
+    assert np.isnan(sensor.polar_cells(x, y, grid)[1][5])
+
+
+@pytest.mark.parametrize("sector", [(45.0, 46.0), (0.0, 8.0), (math.nan, 1.0), (0.0, math.nan)])
+def test_a_sector_beyond_a_circle_is_refused(sector):
+    with pytest.raises(ValueError, match="azimuth: .* rad; give radians, at most a circle"):
+        sensor.polar_grid(0.0, 900.0, *sector, 1.0, 0.1)
 
 
 def test_spread_closed_forms():
@@ -279,20 +300,11 @@ def test_noise_power_is_the_generators_own_draw(shape):
 def test_target_outside_the_area_is_refused():
     z = np.ones((3, 9, 15))
     with pytest.raises(
-        ValueError, match=r"target at cell \(9.6, 8.0\) is outside the 9 x 15 cells"
+        ValueError, match=r"target at cell \(9.6, 8.0\) is outside \(9, 15\); move it"
     ):
         sensor.add_target(
             z, np.full(3, 9.6), np.full(3, 8.0), np.ones(3), SPREAD, np.random.default_rng(0)
         )
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0])
-def test_bad_frames_are_refused_in_one_line(bad):
-    z = np.ones((4, 3, 3))
-    sensor.check_frames(z)
-    z[2, 1, 1] = bad
-    with pytest.raises(ValueError, match="frame 3 has a cell"):
-        sensor.check_frames(z)
 
 
 def test_power_ratio_mean_under_noise_is_one():

@@ -484,9 +484,10 @@ def test_a_scenario_at_the_edge_of_its_ranges_is_accepted(p):
         (np.zeros((3, 50, 49)), "does not fit the grid"),
         (np.zeros((3, 49, 50)), "does not fit the grid"),
         (np.zeros((50, 50)), r"not \(K, Nx, Ny\)"),
+        (np.ma.masked_greater(np.ones((3, 50, 50)), 0.5), "^frames: a masked array"),
         (np.zeros((0, 50, 50)), "frames"),
-        (np.full((2, 50, 50), np.nan), "nan in frame 0"),
-        (np.full((2, 50, 50), np.inf), "inf in frame 0"),
+        (np.full((2, 50, 50), np.nan), r"frames\[0, 0, 0\] is nan"),
+        (np.full((2, 50, 50), np.inf), r"frames\[0, 0, 0\] is inf"),
         (np.zeros((2, 50, 50), complex), r"complex samples; pass abs\(z\)"),
         (np.zeros((2, 50, 50), bool), "real numbers"),
         (np.zeros((1, 50, 50)), "one frame is no block"),
@@ -498,12 +499,36 @@ def test_frames_that_do_not_fit_are_refused_in_one_line(page, p, z, word):
     assert "\n" not in str(error.value)
 
 
+def test_what_is_no_scenario_generator_or_noise_is_refused_in_one_line(page, own):
+    rng = np.random.default_rng(0)
+    with pytest.raises(ValueError, match=r"^p: give Params\(...\)$"):
+        page.run(np.zeros((3, 50, 50)), None)
+    for wrong in ((None, None), (rng, np.zeros((5, 9, 14)))):
+        with pytest.raises(ValueError, match="^rng: give .*; noise: a function of rng$"):
+            page.noise_maxima(own, 2, *wrong)
+    with pytest.raises(ValueError, match="^frames: 4 of them, but V_T is for K = 5"):
+        page.noise_maxima(own, 2, rng, lambda rng: rng.standard_normal((4, 9, 14)))
+
+
+def test_the_weighted_set_reaches_every_direction_with_one_speed_more(page):
+    """Its velocities are 1 - M to M: a target at -M costs a factor a per axis and frame."""
+    k, z = np.arange(12), np.zeros((12, 50, 50))
+    z[k, 19 + k, 19 + k] = 5.0
+    values = {}
+    for M in (1, 2):
+        p = page.Params(K=12, grid=(50, 50), M=M)
+        values[M] = [page.run(frames, p).weighted.value for frames in (z, z[:, ::-1, ::-1])]
+    assert values[1][0] == pytest.approx(60.0, rel=1e-5)
+    assert values[1][1] < 40.0
+    assert values[2] == pytest.approx([60.0, 60.0], rel=1e-5)
+
+
 def test_an_even_window_is_refused_in_one_line(page, p):
     with pytest.raises(ValueError, match="even window"):
         page.keeping(np.ones(4), 1, 0, p, float)
 
 
-@pytest.mark.parametrize("p_fa", [0.0, 1.0, -0.1, math.nan])
+@pytest.mark.parametrize("p_fa", [0.0, 1.0, -0.1, math.nan, "0.1"])
 def test_a_probability_that_is_none_is_refused(page, p_fa):
     with pytest.raises(ValueError, match="^p_fa: .* is no probability"):
         page.threshold(np.zeros((100, 3)), p_fa)

@@ -1,14 +1,16 @@
 """The page of LJIPDA-AI against answers that do not need it, and with data of one's own."""
 
 import math
-from dataclasses import replace
+import re
+from dataclasses import fields, replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import tbdcore
 from tbdcore import association, detection, kalman, motion
-from tbdcore.repro import claims, pages
+from tbdcore.repro import claims, pages, paths
 
 page = tbdcore.page("ljipda_ai")
 CALM = page.Scenario(clutter=1e-9)
@@ -480,16 +482,18 @@ def test_scans_may_be_empty_and_of_any_number():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"P": np.zeros((4, 4))}, "^P of track 0: singular or not positive .* positive variances$"),
-        ({"P": np.diag([1.0, 1, 1, -1])}, "^P of track 0: singular or not positive"),
-        ({"P": np.eye(4) + np.eye(4, k=1)}, "^P of track 0: not symmetric .* give a covariance$"),
-        ({"P": np.ones((4, 4))}, "^P of track 0: singular"),
+        ({"P": np.zeros((4, 4))}, "^P: singular or not positive in the .* positive variances$"),
+        ({"P": np.diag([1.0, 1, 1, -1])}, "^P: singular or not positive"),
+        ({"P": np.eye(4) + np.eye(4, k=1)}, "^P: not symmetric .* give a covariance$"),
+        ({"P": np.ones((4, 4))}, "^P: singular"),
+        ({"P": [np.eye(4), -np.eye(4)]}, r"^P\[1\]: singular"),
         ({"P": np.eye(2)}, r"^P: shape \(2, 2\) in the setup; give \(4, 4\) or \(2, 4, 4\)$"),
         ({"Q": -np.eye(4)}, "^Q: singular or not positive"),
         ({"x": [[0.0, 0, 1]]}, r"^x: shape \(1, 3\) in the setup; give \(n, 4\)$"),
         ({"x": [[0.0, 0, 1, np.nan]]}, "^x: a NaN or infinity in the setup; give finite numbers$"),
         ({"x": np.empty((0, 4))}, r"^x: shape \(0, 4\) in the setup; give \(n, 4\)$"),
-        ({"x": "here"}, "^x: not numbers in the setup"),
+        ({"x": "here"}, "^x: not plain numbers in the setup; give numbers$"),
+        ({"x": np.ma.masked_less(SETUP.x, 0)}, "^x: not plain numbers in the setup"),
         ({"F": np.eye(3)}, r"^F: shape \(3, 3\) in the setup; give \(4, 4\) or \(n, 4, 4\) or"),
         ({"sigma_r": 0.0}, "^sigma_r: 0.0 in the setup; give a positive, finite number$"),
         ({"sigma_r": None}, "^sigma_r: "),
@@ -506,8 +510,8 @@ def test_scans_may_be_empty_and_of_any_number():
         ({"gamma": -1.0}, "^gamma: "),
         ({"snr": -1.0}, "^snr: -1.0 .* a power ratio from 0 to"),
         ({"tau": -1.0}, "^tau: -1.0 .* a finite number, not negative$"),
-        ({"clutter": 0.0}, "^clutter: 0.0 in the setup; give a positive, finite number$"),
-        ({"clutter": "guess"}, "^clutter: 'guess' in the setup"),
+        ({"clutter": 0.0}, "^clutter: 0.0 in the setup; give a positive, finite number, or "),
+        ({"clutter": "estimated"}, "^clutter: 'estimated' in the setup; .*, or \"estimate\"$"),
         ({"clutter": math.nan}, "^clutter: nan"),
     ],
 )
@@ -530,31 +534,40 @@ def spoiled(value, column=2):
             spoiled(math.nan, 0),
             {},
             "LM-AI",
-            "^plots: scan 4, plot 2: a NaN or infinity; remove it$",
+            r"^scans\[3\]\[1\]: a NaN or infinity; remove it$",
         ),
-        (spoiled(math.inf), {}, "LM-AI", "^plots: scan 4, plot 2: a NaN"),
+        (spoiled(math.inf), {}, "LM-AI", r"^scans\[3\]\[1\]: a NaN"),
         (
             spoiled(2.7),
             {},
             "LM-AI",
-            "^plots: scan 4, plot 2: an amplitude below tau = 2.8; correct",
+            r"^scans\[3\]\[1\]: an amplitude below tau = 2.8; correct",
         ),
         (
             [s[:, :2] for s in SCANS],
             {},
             "LM-AI",
-            r"^plots: scan 1: no amplitudes; give rows .* or LJIPDA$",
+            r'^scans\[0\]: no amplitudes; give \[x, y, amplitude\], or method="LJIPDA"$',
         ),
-        ([s.T for s in SCANS], {}, "LM-AI", r"^plots: scan 1: shape \(3, \d+\); give rows"),
-        ([s + 1j for s in SCANS], {}, "LM-AI", r"^plots: scan 1: values of type complex128; give"),
-        (SCANS, {"x": SETUP.x + 1j}, "LM-AI", r"^x: not numbers in the setup"),
-        (SCANS[:1], {}, "LM-AI", "^plots: 1 scans; give at least 2"),
+        ([s.T for s in SCANS], {}, "LM-AI", r"^scans\[0\]: shape \(3, \d+\); give rows"),
+        ([s + 1j for s in SCANS], {}, "LM-AI", r"^scans\[0\]: values of type complex128; give"),
+        (SCANS, {"x": SETUP.x + 1j}, "LM-AI", r"^x: not plain numbers in the setup"),
+        (SCANS[:1], {}, "LM-AI", "^scans: 1 given; give at least 2"),
+        ([s[:, :2] for s in SCANS], {"tau": None, "snr": None}, "LJIPDA-AI", "no amplitudes; give"),
+        (
+            [*SCANS[:3], np.ma.masked_greater(SCANS[3], 3000)],
+            {},
+            "LM-AI",
+            r"^scans\[3\]: a masked array; give ",
+        ),
+        (SCANS, {"gamma": 9.0}, "LM-AI", "^p_gate: 0.9997 does not fit gamma = 9; give 0.98889$"),
+        (SCANS, {"x": np.zeros((2, 4))}, "LM-AI", r"^x: a track is at the radar \(zero range\);"),
         (SCANS, {"tau": None}, "LM-AI", "^tau: not given; give the threshold"),
         (
             SCANS,
             {"snr": None},
             "LM-AI",
-            "^snr: LM-AI needs the levels of the targets; give snr, or",
+            '^snr: not given, but LM-AI needs it; give it, or method="LJIPDA"$',
         ),
         (
             SCANS,
@@ -575,6 +588,32 @@ def test_data_that_cannot_be_tracked_are_refused_in_one_line(scans, change, meth
     with pytest.raises(ValueError, match=words) as caught:
         page.run(scans, replace(SETUP, **change), method=method)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("setup", [None, page.Scenario()], ids=["none", "no generator"])
+def test_a_setup_that_is_none_is_refused_in_one_line(setup):
+    with pytest.raises(
+        ValueError, match=r"^setup: give Setup\(\.\.\.\), or a Scenario and a generat"
+    ):
+        page.run(SCANS, setup)
+
+
+def test_a_gate_of_ones_own_is_used_with_its_probability():
+    narrow = page.run(SCANS, replace(SETUP, gamma=9.0, p_gate=0.98889), method="LM-AI")
+    assert not (narrow.x == page.run(SCANS, SETUP, method="LM-AI").x).all()
+
+
+@pytest.mark.parametrize(
+    "empty", [[], np.array([]), np.empty((0, 2))], ids=["list", "(0,)", "(0, 2)"]
+)
+@pytest.mark.parametrize("method", ["LM-AI", "LJIPDA"])
+def test_an_empty_scan_is_one_without_plots(empty, method):
+    ours, theirs = (
+        page.run([*SCANS[:4], scan, *SCANS[5:]], SETUP, method=method)
+        for scan in (empty, np.empty((0, 3)))
+    )
+    np.testing.assert_array_equal(ours.x, theirs.x)
+    assert ours.beta[4].shape == (2, 1)
 
 
 def test_exact_association_holds_as_many_tracks_as_it_says():
@@ -617,6 +656,8 @@ def test_the_manual_names_everything():
         assert word in text
     for method in page.METHODS:
         assert method in text
+    words = set(re.findall(r"\w+", page.Setup.__doc__))
+    assert words >= {field.name for field in fields(page.Setup)}
 
 
 # Scenarios ----------------------------------------------------------------------------------------
@@ -680,8 +721,6 @@ DERIVATION = (
 def derived(p=None):
     p = p or page.Scenario()
     names = {"np": np, "math": math, "p": p, "d": float(detection.from_db(p.snr_db)), **vars(page)}
-    import pandas as pd
-
     names["pd"] = pd
     for opening in DERIVATION:
         (source,) = [cell for cell in pages.cells("ljipda_ai") if cell.startswith(opening)]
@@ -715,6 +754,18 @@ def test_parameters_that_judge_are_those_of_the_rules():
     assert known["init_position"].default == rule["start position"]
     assert known["init_speed"].default == rule["start speed"]
     assert known["sigma_theta_deg"].default == rule["azimuth error"]
+
+
+def test_no_order_asks_for_a_size_and_the_gaps_are_far_from_the_published():
+    """Section 5.3: the sign of each gap is open, the published size is excluded."""
+    judged = claims.verdicts("ljipda_ai").set_index("id")
+    judged = judged[judged.index.str.contains(r"\.order\.(?!st)")]
+    assert list(judged.verdict) == ["inconclusive"] * 9
+    table = pd.read_csv(paths.PRODUCTS / "ljipda_ai" / "open_gaps.csv", index_col=0)
+    here, error = table.here.str.split(" ± ", expand=True).astype(float).to_numpy().T
+    margin = judged.measured.str.rpartition(" ")[2].astype(float)
+    assert sorted(margin) == pytest.approx(sorted(here), abs=6e-4)
+    assert (here + 5 * 2.6 * error < table.published / 2).all()
 
 
 def test_amplitude_ratio_of_the_page_is_that_of_the_core():

@@ -481,9 +481,10 @@ def test_more_births_than_survivors_and_certain_births_run():
         (OWN_Z[:0], r"shape \(0, 24, 14\)"),
         (OWN_Z[:2], r"2 are fewer than window = 3; shorten the window"),
         (1j * OWN_Z, "complex samples; give their power"),
-        (-OWN_Z, "frame 1 has a cell that is negative, infinite or NaN"),
-        (np.where(OWN_Z[7].max() == OWN_Z, np.inf, OWN_Z), "frame 8 has a cell"),
-        (np.where(OWN_Z[3].max() == OWN_Z, np.nan, OWN_Z), "frame 4 has a cell"),
+        (-OWN_Z, r"frames\[0, 0, 0\]: -[\d.]+ is not in \[0, 1e\+50\]"),
+        (np.where(OWN_Z[7].max() == OWN_Z, np.inf, OWN_Z), r"frames\[7, \d+, \d+\]: inf is not in"),
+        (np.where(OWN_Z[3].max() == OWN_Z, np.nan, OWN_Z), r"frames\[3, \d+, \d+\]: nan is not in"),
+        (np.ma.masked_greater(OWN_Z, 1.0), r"a masked array; give frames.filled\(value\)"),
         (OWN_Z > 1, "values of type bool"),
         ("power", r"shape \(\)"),
     ],
@@ -492,6 +493,41 @@ def test_frames_that_do_not_fit_are_refused_in_one_line(z, message):
     with pytest.raises(ValueError, match=message) as error:
         page.run(z, page.scenario(**OWN, **SETTINGS), rng(55))
     assert "\n" not in str(error.value)
+
+
+def test_wrong_scenarios_and_generators_are_refused_in_one_line():
+    p = page.scenario(**OWN, **SETTINGS)
+    with pytest.raises(ValueError, match=r"^p: give scenario\(...\) or Scenario\(...\)$"):
+        page.run(OWN_Z, {"nr": 24}, rng(55))
+    for wrong in (None, 0, np.random.RandomState(0)):
+        with pytest.raises(ValueError, match=r"^rng: give np.random.default_rng\(seed\)$"):
+            page.run(OWN_Z, p, wrong)
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.longdouble, np.int64])
+def test_frames_of_other_numbers_are_converted(kind):
+    p, z = page.scenario(**OWN, **SETTINGS), np.round(10 * OWN_Z[:5]).astype(kind)
+    expected = page.run(z.astype(float), p, rng(57))
+    assert np.array_equal(page.run(z, p, rng(57)).existence, expected.existence)
+
+
+@pytest.mark.parametrize("a_min", [0.3, -0.1, -1.0, 3.1, -3.2])
+def test_a_sector_may_lie_anywhere(a_min):
+    """An echo in one half of the sector; particles once had no azimuth where y was not positive."""
+    p = page.scenario(**OWN, a_min=a_min, N=800, B=400, birth_speed=0.5, accel=0.5)
+    for middle in (4, 10):
+        z = rng(3).standard_exponential((20, 24, 14))
+        z[:, 11:14, middle - 1 : middle + 2] *= 12.0
+        track = page.run(z, p, rng(4))
+        assert (track.existence[8:] > 0.9).all()
+        azimuth = sensor.polar_cells(track.x[8:, 0], track.x[8:, 2], p.grid)[1]
+        assert abs(azimuth - middle - 1).max() < 1.5
+
+
+def test_a_target_behind_the_radar_is_refused():
+    p = replace(SMALL, y0=-SMALL.y0)
+    with pytest.raises(ValueError, match="is outside"):
+        page.simulate(p, rng(1), rng(2))
 
 
 def test_a_square_grid_and_filters_without_history_take_what_fits():
@@ -523,8 +559,9 @@ def test_a_square_grid_and_filters_without_history_take_what_fits():
         ({"accel": -1.0}, "accel is -1.0; give a number, 0 to"),
         ({"half_a": -1}, "half_a is -1"),
         ({"P_max": 0.0}, "P_max is 0.0"),
-        ({"r_min": -5.0}, "r_min must not be negative"),
-        ({"a_max": 8.0, "da": 0.1, "a_min": 0.0}, "nor a_max - a_min exceed a circle"),
+        ({"r_min": -5.0}, "r_min is -5.0; it must not be negative"),
+        ({"a_max": 8.0, "da": 0.1, "a_min": 0.0}, "azimuth: 0 to 8 rad; give radians, at most a"),
+        ({"a_max": 46.0, "da": 0.1, "a_min": 45.0}, "azimuth: 45 to 46 rad; give radians"),
         ({"source": "histroy"}, "source is 'histroy'; the nearest choice is 'history'"),
         ({"reading": "owncell"}, "reading is 'owncell'; the nearest choice is 'own-cell'"),
         (
@@ -546,11 +583,11 @@ def test_bad_scenarios_are_refused_in_one_line(change, message):
     ("change", "message"),
     [
         ({"birth_sped": 3.0}, "no setting 'birth_sped'; the nearest is 'birth_speed'"),
-        ({"sd_r": 0.0}, "sd_r is 0.0; give a number, at least"),
-        ({"sd_a": "1"}, "sd_a is '1'; give a number, at least"),
+        ({"sd_r": 0.0}, "sd_r is 0.0; give a positive number"),
+        ({"sd_a": "1"}, "sd_a is '1'; give a positive number"),
         ({"dr": -1.0}, "dr is -1.0"),
-        ({"nr": 24.5}, "nr is 24.5; give a number, at least 1"),
-        ({"sd_r": 0.1, "sd_a": 0.1}, "covers 0.031 cells; widen it"),
+        ({"nr": 24.5}, "nr is 24.5; give an integer above 0"),
+        ({"sd_r": 0.1, "sd_a": 0.1}, "covers 0.031 cells; give at least one"),
     ],
 )
 def test_bad_settings_of_own_data_are_refused_in_one_line(change, message):

@@ -251,6 +251,11 @@ def test_the_threshold_counts_whole_particles(page, M, alive, says):
     assert page.collect(rows, page.Params(M=M)).declared[0] == says
 
 
+def test_a_threshold_of_one_asks_for_every_particle(page):
+    rows = [(np.array([20 - n, n, 0]), np.zeros(5), False, 1.0, 1) for n in (19, 20)]
+    assert page.collect(rows, page.Params(M=20, gamma=1)).declared.tolist() == [False, True]
+
+
 @pytest.mark.parametrize("weight", [1.0, 0.25])
 def test_new_particles_mix_the_prior_by_their_weight(page, weight):
     """Eq. (13) with the share of the new particles' weight, gate shut, no signal."""
@@ -462,6 +467,7 @@ def test_a_scene_needs_no_path_and_births_lie_over_its_frame(page):
 def test_what_is_just_within_its_limits_is_taken(page):
     page.Params(M=1, M_new=0, N=1, spread=(0.0, 0.0), prior=page.Prior(x=(1, 30), y=(1, 20)))
     page.Params(M=1, M_new=1)
+    page.Params(gamma=1, eta=1)
     page.Prior(absent=0.0, cv=0.0, ct=1.0, accel=0.0, x=(0, 0))
     page.Prior(absent=1.0, cv=0.0, ct=0.0)
 
@@ -515,8 +521,20 @@ def test_integers_and_single_precision_are_read(page, scene_frames):
 
 
 def test_the_manual_says_what_a_stranger_needs(page):
-    for words in ("[x, vx, y, vy, omega]", "counted from 1", "(K, nx, ny)", "low end", "std"):
+    known = ("[x, vx, y, vy, omega]", "counted from 1", "(K, nx, ny)", "low end", "std")
+    for words in (*known, "Leave delta at 1"):
         assert words in page.__doc__
+
+
+def test_delta_multiplies_the_intensity_by_its_square_and_nothing_else(page, scene_frames):
+    """As the manual says; so a filter that is told the cell in metres looks for another target."""
+    S, r = np.array([[5.3, 0.6, 2.1, 0.0, 0.3]]), np.array([1])
+    wide, loud = (
+        page.Params(scene=page.Scene(**c)) for c in ({"delta": 3.0}, {"amplitude": 162.0})
+    )
+    ours, same = (page.log_weights(scene_frames[6], r, S, p) for p in (wide, loud))
+    assert np.allclose(ours, same, rtol=1e-12)
+    assert "delta**2 only multiplies I" in page.__doc__
 
 
 def frames(shape=(4, 30, 20), kind=float):
@@ -534,7 +552,8 @@ BAD = {
     "a text for a number": lambda page: page.Params(M="2000"),
     "half a particle": lambda page: page.Params(M=2000.5),
     "negative new particles": lambda page: page.Params(M_new=-1),
-    "eta of one": lambda page: page.Params(eta=1.0),
+    "eta above one": lambda page: page.Params(eta=1.1),
+    "gamma above one": lambda page: page.Params(gamma=1.001),
     "gamma of zero": lambda page: page.Params(gamma=0.0),
     "gamma a NaN": lambda page: page.Params(gamma=np.nan),
     "no weight": lambda page: page.Params(weight=0.0),
@@ -589,6 +608,61 @@ def test_bad_input_is_refused_in_one_line(page, what):
         BAD[what](page)
     assert "\n" not in str(error.value)
     assert len(str(error.value)) < 200
+
+
+def spoiled(cell, value):
+    z = frames((5, 30, 20))
+    z[cell] = value
+    return z
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_the_first_cell_without_a_number_is_named(page, value):
+    z = spoiled((4, 1, 2), value)
+    z[4, 3, 0] = np.nan
+    words = rf"^frames\[4, 1, 2\] is {value}; fill it with the mean of the noise, 0$"
+    with pytest.raises(ValueError, match=words):
+        started(z)(page)
+
+
+def test_a_masked_array_is_refused_by_both_filters(page):
+    z = np.ma.masked_greater(spoiled((2, 14, 9), 99.0), 50.0)
+    for filtered in (page.run, page.bernoulli):
+        with pytest.raises(ValueError, match="^frames: a masked array; give frames.filled"):
+            filtered(z, page.Params(M=50, M_new=50), np.random.default_rng(0))
+
+
+START = np.repeat([1, 2, 0], [20, 20, 10]), np.full((50, 5), 3.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ((START[0] + 0.0, START[1]), r"start\[0\]: values of type float64; give integers"),
+        ((START[0] + 1, START[1]), r"start\[0\]\[20\]: 3 is not in \[0, 2\]"),
+        ((START[0], START[1][:, :4]), r"start\[1\]: shape \(50, 4\) is not \(50, 5\)"),
+        ((START[0][:10], START[1][:10]), r"start\[0\]: shape \(10,\) is not \(50,\)"),
+        ((START[0], START[1][:10]), r"start\[1\]: shape \(10, 5\) is not \(50, 5\)"),
+        ((START[0], START[1] * np.nan), r"start\[1\]\[0, 0\]: nan is not in"),
+        ((START[0], np.ma.masked_equal(START[1], 3.0)), r"start\[1\]: a masked array"),
+        (START[1], r"start: give \(r, S\)"),
+        ((), r"start: give \(r, S\)"),
+    ],
+)
+def test_a_start_that_does_not_fit_is_refused(page, start, words):
+    with pytest.raises(ValueError, match=f"^{words}"):
+        page.run(frames(), page.Params(M=50, M_new=50), np.random.default_rng(0), start=start)
+
+
+def test_a_start_is_read_and_left_as_it_is(page, scene_frames):
+    r, S = START[0].astype(np.int32), START[1].astype(np.float32)
+    given = [
+        page.run(scene_frames[6:], classic(page, M=50), np.random.default_rng(1), start=start)
+        for start in (START, (r, S), [r.tolist(), S.tolist()])
+    ]
+    for other in given[1:]:
+        np.testing.assert_array_equal(other.existence, given[0].existence)
+    assert (START[1] == 3.0).all()
 
 
 @pytest.mark.parametrize("births", ["keep", "move"])

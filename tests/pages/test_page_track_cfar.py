@@ -12,7 +12,7 @@ import pytest
 
 import tbdcore
 from tbdcore import detection, kalman, score
-from tbdcore.repro import pages, trials
+from tbdcore.repro import claims, pages, trials
 
 
 @pytest.fixture(scope="module")
@@ -341,6 +341,16 @@ def test_threshold_has_its_floor(page, p):
     assert (eta[alive] > floor[alive] - 0.2).all()
 
 
+def test_the_initial_fall_of_the_threshold_needs_no_trial(page, p):
+    """Plots without noise, one in each scan: the row is constructed, as its mirror in P_f is."""
+    scans = [np.array([[*plot, 1e9]]) for plot in page.truth(p)]
+    eta = np.array([t.eta for t in page.run(scans, p)])[:61]
+    assert eta[0] == pytest.approx(1.4988, abs=5e-5)
+    assert (eta.argmin(), eta.min()) == (2, pytest.approx(1.2142, abs=5e-5))
+    rows = claims.read("track_cfar")
+    assert {rows[id].evidence for id in ("f4.initial.fall", "f4.pf.inverse")} == {"constructed"}
+
+
 def test_filter_is_consistent_in_the_nominal_scene(page, p):
     """NEES of a filter matched to the straight target (no process noise): mean 4, variance 8."""
     p, k, n = replace(p, sigma_p=0.0, frames=20), 15, 120
@@ -648,21 +658,29 @@ def broken(**change):
         (my_scans(2)[0], "scans: 2; two start"),
         (np.zeros((5, 3)), "give a list with one"),
         (3, "give a list with one"),
-        (broken(c0=math.nan), "scan 4, plot 3: .* is NaN"),
-        (broken(c2=math.nan), "scan 4, plot 3: .* is NaN"),
-        (broken(c0=-5.0), "scan 4, plot 3: .* no positive, finite range"),
-        (broken(c0=math.inf), "scan 4, plot 3: .* no positive, finite range"),
-        (broken(c1=24.0), "scan 4, plot 3: .* give radians"),
-        (broken(c2=-3.0), "scan 4, plot 3: .* not dB"),
-        ([cells[:, :2] for cells in my_scans(4)[0]], "scan 0: shape .* give a row for each plot"),
-        (my_scans(6)[0][2:], "scan 0: 51 plots; give the one that starts"),
-        ([[], *my_scans(4)[0]], "scan 0: 0 plots"),
-        ([*my_scans(4)[0], [["a", 1, 2]]], "scan 4: no table of real numbers"),
-        ([*my_scans(4)[0], [[1, 2, 3], [4, 5]]], "scan 4: no table of real numbers"),
-        ([*my_scans(4)[0], [[1j, 2, 3]]], "scan 4: no table of real numbers"),
-        ([*my_scans(4)[0], np.full((1, 3), 1j)], "scan 4: no table of real numbers"),
-        ([*my_scans(4)[0], [[2e4, 0.4, 5, 0.0, 0.1]]], "scan 4, plot 0: .* positive standard"),
-        ([*my_scans(4)[0], [[2e4, 0.4, 5, 1.0, math.inf]]], "scan 4, plot 0: .* positive standard"),
+        (broken(c0=math.nan), r"^scans\[4\]\[3\]: .* is NaN"),
+        (broken(c2=math.nan), r"^scans\[4\]\[3\]: .* is NaN"),
+        (broken(c0=-5.0), r"^scans\[4\]\[3\]: .* no positive, finite range"),
+        (broken(c0=math.inf), r"^scans\[4\]\[3\]: .* no positive, finite range"),
+        (broken(c1=24.0), r"^scans\[4\]\[3\]: .* give radians"),
+        (broken(c2=-3.0), r"^scans\[4\]\[3\]: .* not dB"),
+        (
+            [cells[:, :2] for cells in my_scans(4)[0]],
+            r"^scans\[0\]: shape .* give a row for each plot",
+        ),
+        (my_scans(6)[0][2:], r"^scans\[0\]: 51 plots; give the one that starts"),
+        ([[], *my_scans(4)[0]], r"^scans\[0\]: 0 plots"),
+        ([*my_scans(4)[0], [["a", 1, 2]]], r"^scans\[4\]: no table of real numbers"),
+        ([*my_scans(4)[0], [[1, 2, 3], [4, 5]]], r"^scans\[4\]: no table of real numbers"),
+        ([*my_scans(4)[0], [[1j, 2, 3]]], r"^scans\[4\]: no table of real numbers"),
+        ([*my_scans(4)[0], np.full((1, 3), 1j)], r"^scans\[4\]: no table of real numbers"),
+        ([*my_scans(4)[0], np.ma.array(my_scans(5)[0][4])], r"^scans\[4\]: a masked array"),
+        (np.ma.ones((5, 1, 3)), r"^scans\[0\]: a masked array"),
+        ([*my_scans(4)[0], [[2e4, 0.4, 5, 0.0, 0.1]]], r"^scans\[4\]\[0\]: .* positive standard"),
+        (
+            [*my_scans(4)[0], [[2e4, 0.4, 5, 1.0, math.inf]]],
+            r"^scans\[4\]\[0\]: .* positive standard",
+        ),
     ],
 )
 def test_scans_that_cannot_be_right_are_refused(page, scans, words):
@@ -682,6 +700,7 @@ def test_scans_that_cannot_be_right_are_refused(page, scans, words):
         ({"start": np.zeros(4)}, "start: give x"),
         ({"start": (np.ones(4) + 1j, np.eye(4))}, "start: give x"),
         ({"start": (np.ones(4), math.nan * np.eye(4))}, "start: give x"),
+        ({"start": (np.ma.ones(4), np.eye(4))}, r"^start\[0\]: a masked array"),
         ({"start": (np.ones(4), -np.eye(4))}, "start: P is no covariance"),
         ({"start": (np.ones(4), np.arange(16.0).reshape(4, 4))}, "start: P is no covariance"),
     ],
@@ -692,8 +711,10 @@ def test_options_that_cannot_be_right_are_refused(page, options, words):
 
 
 def test_a_scenario_must_be_one(page):
-    with pytest.raises(ValueError, match="p: give one number, as in Scenario"):
+    with pytest.raises(ValueError, match=r"^p: give Scenario\(\.\.\.\)$"):
         page.run(my_scans(4)[0], {"scan": 4.0})
+    with pytest.raises(ValueError, match="^scan: give one number, as in Scenario"):
+        page.run(my_scans(4)[0], page.Scenario(scan=np.array([4.0, 8.0])))
 
 
 @pytest.mark.parametrize(
