@@ -35,8 +35,9 @@ def typed(compiled, inside=None):
 
 def plain(name, values):
     """The values as an array; a masked one is a ValueError, since its mask would be lost."""
-    if isinstance(values, np.ma.MaskedArray):
-        raise ValueError(f"{name}: a masked array; give {name}.filled(value)")
+    parts = values if isinstance(values, (list, tuple)) else (values,)
+    if type(values) is not np.ndarray and any(isinstance(x, np.ma.MaskedArray) for x in parts):
+        raise ValueError(f"{name}: a masked array; fill it, or leave out what is masked")
     return np.asarray(values)
 
 
@@ -94,11 +95,9 @@ def number(name, value, low, high):
 
 def within(name, a, low, high):
     """The array a; ValueError, naming the first, unless all elements lie in [low, high]."""
-    flat = a.reshape(-1)
-    if _outside(flat, low, high):
-        n = np.flatnonzero(~((flat >= low) & (flat <= high)))[0]
-        at = [int(i) for i in np.unravel_index(n, a.shape)]
-        raise ValueError(f"{name}{at if at else ''}: {flat[n]:g} is not in [{low:g}, {high:g}]")
+    if _outside(a.reshape(-1), low, high):
+        at = np.argwhere(~((a >= low) & (a <= high)))[0].tolist()
+        raise ValueError(f"{name}{at or ''}: {a[tuple(at)]:g} is not in [{low:g}, {high:g}]")
     return a
 
 

@@ -136,7 +136,7 @@ def _check_state(I, state, lowest):
 
 
 # Loops over planes.  Arrays are flat and offsets unsigned: Numba counts references for each slice
-# and tests each signed index for wrap-around, which takes as long as the planes themselves.
+# and tests each signed index, which takes as long as the planes.  It compiles a literal apart.
 
 
 @kernel
@@ -166,17 +166,17 @@ def _window(target, to, source, at, step, count, n, term, origin, work):
 
     Three maxima over ``width`` neighbours are one over up to 3 width: seven take two passes.
     """
-    far, width, half = (count - 1) * step, 3 * step, work.size // 2
+    far, width, half, none = (count - 1) * step, 3 * step, work.size // 2, term[:0]
     if count < 3:
         _top(target, to, source, (at, at + far), n, term, origin)
     elif count == 3:
         _top(target, to, source, (at, at + step, at + far), n, term, origin)
     else:
-        _top(work, 0, source, (at, at + step, at + 2 * step), n + far + step - width, term[:0], 0)
-        at = 0
+        _top(work, half, source, (at, at + step, at + 2 * step), n + far - 2 * step, none, origin)
+        at = half
         while 3 * width <= far:
             ends, wider = (at, at + width, at + 2 * width), n + far + step - 3 * width
-            _top(work, half - at, work, ends, wider, term[:0], 0)
+            _top(work, half - at, work, ends, wider, none, origin)
             width, at = 3 * width, half - at
         far += step - width
         middle = (far // step + 1) // 2 * step
@@ -300,7 +300,7 @@ def box_forward(z, position, lowest_velocity, reach, I):
     _check_weights(position, (position.size,), 0)
     _begin(z, I, position.size // 2, lowest_velocity, reach)
     V, size, Y = I.shape[1], z[0].size, z.shape[2]
-    lo, n, allowed = reach * Y, size - 2 * reach * Y, np.flatnonzero(position)
+    lo, n, along, allowed = reach * Y, size - 2 * reach * Y, np.int64(1), np.flatnonzero(position)
     shift, count = position.size // 2 - allowed[0] + lowest_velocity, allowed.size
     if allowed[-1] - allowed[0] >= count:
         raise ValueError("position: the allowed slacks must be neighbours; fill the gap")
@@ -308,7 +308,7 @@ def box_forward(z, position, lowest_velocity, reach, I):
     rows, work = np.full(size, -np.inf).astype(I.dtype), np.empty(2 * size, I.dtype)
     for k, iv, jv in np.ndindex(len(z) - 1, V, V):
         old = ((k * V + iv) * V + jv) * size + lo
-        _window(rows, lo, maps, old - shift - jv, 1, count, n, none, 0, work)
+        _window(rows, lo, maps, old - shift - jv, along, count, n, none, lo, work)
         new, frame = old + V * V * size, (k + 1) * size + lo
         _window(maps, new, rows, lo - (shift + iv) * Y, Y, count, n, frames, frame, work)
         _close(maps, new - lo, 1, size, lo)
@@ -326,8 +326,8 @@ def _extended(combine, left_out):
     def forward(z, position, velocity, lowest, reach, I):
         V, size, Y = I.shape[1], z[0].size, z.shape[2]
         lo, n, none, piece = reach * Y, size - 2 * reach * Y, z[0, 0, :0], PIECE // I.itemsize
-        rows, half = np.empty((V + 2) * piece, I.dtype), np.empty(V * V * size, I.dtype)
-        rows[:], half[:], maps = -np.inf, -np.inf, I.reshape(I.size)  # velocity v in row v + 1
+        rows, half = np.empty((V + 3) * piece, I.dtype), np.empty(V * V * size, I.dtype)
+        rows[:], half[:], maps = -np.inf, -np.inf, I.reshape(I.size)  # velocity v in row v + 2
         for k in range(1, len(z)):
             new, frame = k * V * V * size, z[k].reshape(size)
             across = maps, new - V * V * size, half, 0, V * size, size, 1, none
@@ -336,8 +336,8 @@ def _extended(combine, left_out):
                 for first, x in np.ndindex(V, (n - 1) // piece + 1):
                     here, shape = lo + first * outer + x * piece, (V, min(piece, n - x * piece))
                     at = begin + here - (lowest + 1) * step, inner - step, step
-                    best(rows, (piece, piece), old, at, shape, position, none, 0)
-                    to, at, origin = (end + here, inner), (0, piece, piece), lo + x * piece
+                    best(rows, (2 * piece, piece), old, at, shape, position, none, lo)
+                    to, at, origin = (end + here, inner), (piece, piece, piece), lo + x * piece
                     best(out, to, rows, at, shape, velocity, term, origin)
             _close(maps, new, V * V, size, lo)
         return I
@@ -363,7 +363,7 @@ def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
     """
     _check_weights(position, (3,), 0)
     _check_weights(velocity, (3,), 0)
-    _begin(z, I, 1, lowest_velocity, reach)
+    _begin(z, I, position.size // 2, lowest_velocity, reach)
     return _weighted(z, position, velocity, lowest_velocity, reach, I)
 
 
@@ -381,7 +381,7 @@ def penalised_forward(z, position, velocity, lowest_velocity, reach, I):
     lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
     _check_prices(position, velocity)
-    _begin(z, I, 1, lowest_velocity, reach)
+    _begin(z, I, position.size // 2, lowest_velocity, reach)
     return _penalised(z, position, velocity, lowest_velocity, reach, I)
 
 
@@ -399,7 +399,7 @@ def coupled_forward(z, table, lowest_velocity, reach, I):
     positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
     """
     _check_weights(table, (3, 3), TINY)
-    _begin(z, I, 1, lowest_velocity, reach)
+    _begin(z, I, len(table) // 2, lowest_velocity, reach)
     V, Y, size = I.shape[1], z.shape[2], z[0].size
     lo, n, maps = reach * Y, size - 2 * reach * Y, I.reshape(I.size)
     rows = np.full(V * size, -np.inf).astype(I.dtype)

@@ -101,7 +101,8 @@ def _blob_sums(z, S, present, g, tail, peak, noise):
     """The log-ratios (N,), from the exponentials g of those particles; 0 for the others."""
     (nx, ny), one, two = z.shape, math.exp(-0.5 * tail), math.exp(-2.0 * tail)
     framed, out = np.zeros((nx + 8, ny + 8)), np.zeros(len(S))
-    framed[4:-4, 4:-4] = z
+    for i, j in np.ndindex(nx, ny):  # a slice would take two seconds more to compile
+        framed[i + 4, j + 4] = z[i, j]
     for m in range(present.size):
         n, centre, up_x, up_y = present[m], g[0, m], g[1, m], g[2, m]
         i, j = math.floor(S[n, 0] + 0.5), math.floor(S[n, 2] + 0.5)
@@ -591,8 +592,7 @@ def _coherent(z, rho, alpha, snr, tilts, spread, step, table):
             for j in range(max(left, 0), min(left + ga.size, na)):
                 h = gr[i - top] * ga[j - left]
                 x[cells] = 2.0 * h * math.sqrt(z[i, j])
-                energy += h * h
-                cells += 1
+                energy, cells = energy + h * h, cells + 1
         # integral of 2 b / snr exp(-b**2 energy) prod I0(b x) over the amplitude b: midpoint rule,
         # with the slope at b = 0
         width = step / math.sqrt(energy)

@@ -11,8 +11,9 @@ from tbdcore import checks
 @pytest.mark.parametrize("check", [checks.plain, checks.reals, checks.integers])
 def test_a_masked_array_is_refused_and_not_stripped_of_its_mask(check):
     z, shape = np.ma.masked_greater(np.arange(3), 1), [] if check is checks.plain else [3]
-    with pytest.raises(ValueError, match=r"^frames: a masked array; give frames.filled\(value\)$"):
-        check("frames", z, *shape)
+    for given in (z, [z, z], (z.filled(0), z)):
+        with pytest.raises(ValueError, match="^frames: a masked array; fill it, or leave out what"):
+            check("frames", given, *shape)
     assert np.array_equal(check("frames", z.filled(0), *shape), [0, 1, 0])
 
 

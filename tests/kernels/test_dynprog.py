@@ -298,7 +298,7 @@ def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
     ("frames", "message"),
     [
         (np.zeros((5, 5)), "(5, 5) is not (K, Nx, Ny)"),
-        (np.ma.zeros((2, 5, 5)), "a masked array; give frames.filled(value)"),
+        (np.ma.zeros((2, 5, 5)), "a masked array; fill it"),
         (np.zeros((2, 0, 5)), "none empty"),
         (
             np.where(np.arange(24).reshape(2, 3, 4) == 17, np.nan, 0.0),

@@ -546,6 +546,25 @@ def test_a_threshold_for_another_number_of_frames_is_refused(page, own, V_T):
         page.detect(np.ones((4, 9, 14)), own, V_T)
 
 
+@pytest.mark.parametrize(
+    ("level", "words"),
+    [
+        ([1.0, 2.0], r"shape \(2,\) is not \(3,\)"),
+        ([1.0, np.nan, 2.0], "nan is not in"),
+        (None, "values of type object; give real numbers"),
+    ],
+)
+def test_a_threshold_that_is_no_level_of_the_three_sets_is_refused(page, own, level, words):
+    with pytest.raises(ValueError, match=rf"^V_T(\[1\])?: {words}"):
+        page.detect(np.ones((5, 9, 14)), own, level)
+
+
+@pytest.mark.parametrize("peaks", [None, np.zeros(1000), [["a"] * 3] * 1000])
+def test_peaks_that_are_no_table_of_numbers_are_refused(page, peaks):
+    with pytest.raises(ValueError, match="^peaks: "):
+        page.threshold(peaks, 0.01)
+
+
 def test_a_target_that_leaves_the_region_is_refused_and_not_clipped(page, p):
     cells = page.truth(-0.4, START, p, None)[1]
     with pytest.raises(ValueError, match="outside"):

@@ -418,6 +418,14 @@ def test_run_is_the_loop_of_the_experiments_bit_for_bit(two_point):
     np.testing.assert_array_equal(result.existence, alive)
 
 
+def test_one_compiled_scan_serves_setups_of_every_shape():
+    """Each further type of an argument would cost seconds of compilation."""
+    for F in (SETUP.F, np.tile(SETUP.F, (29, 1, 1)), np.tile(SETUP.F, (29, 2, 1, 1))):
+        for P in (SETUP.P, np.broadcast_to(SETUP.P, (2, 4, 4)), np.tile(SETUP.P, (2, 1, 1))):
+            page.run(SCANS, replace(SETUP, F=F, P=P), method="LM-AI")
+    assert len(page.one_scan.signatures) == 1
+
+
 def test_one_transition_is_the_same_as_one_per_scan_and_per_track():
     once = page.run(SCANS, SETUP).x
     for F in (np.tile(SETUP.F, (29, 1, 1)), np.tile(SETUP.F, (29, 2, 1, 1))):
@@ -541,7 +549,7 @@ def spoiled(value, column=2):
             spoiled(2.7),
             {},
             "LM-AI",
-            r"^scans\[3\]\[1\]: an amplitude below tau = 2.8; correct",
+            r"^scans\[3\]\[1\]: amplitude below tau = 2.8; correct",
         ),
         (
             [s[:, :2] for s in SCANS],
@@ -553,12 +561,13 @@ def spoiled(value, column=2):
         ([s + 1j for s in SCANS], {}, "LM-AI", r"^scans\[0\]: values of type complex128; give"),
         (SCANS, {"x": SETUP.x + 1j}, "LM-AI", r"^x: not plain numbers in the setup"),
         (SCANS[:1], {}, "LM-AI", "^scans: 1 given; give at least 2"),
+        (None, {}, "LM-AI", "^scans: 0 given; give at least 2"),
         ([s[:, :2] for s in SCANS], {"tau": None, "snr": None}, "LJIPDA-AI", "no amplitudes; give"),
         (
             [*SCANS[:3], np.ma.masked_greater(SCANS[3], 3000)],
             {},
             "LM-AI",
-            r"^scans\[3\]: a masked array; give ",
+            r"^scans\[3\]: a masked array; fill it, or leave out ",
         ),
         (SCANS, {"gamma": 9.0}, "LM-AI", "^p_gate: 0.9997 does not fit gamma = 9; give 0.98889$"),
         (SCANS, {"x": np.zeros((2, 4))}, "LM-AI", r"^x: a track is at the radar \(zero range\);"),

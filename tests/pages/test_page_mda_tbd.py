@@ -484,7 +484,7 @@ def test_more_births_than_survivors_and_certain_births_run():
         (-OWN_Z, r"frames\[0, 0, 0\]: -[\d.]+ is not in \[0, 1e\+50\]"),
         (np.where(OWN_Z[7].max() == OWN_Z, np.inf, OWN_Z), r"frames\[7, \d+, \d+\]: inf is not in"),
         (np.where(OWN_Z[3].max() == OWN_Z, np.nan, OWN_Z), r"frames\[3, \d+, \d+\]: nan is not in"),
-        (np.ma.masked_greater(OWN_Z, 1.0), r"a masked array; give frames.filled\(value\)"),
+        (np.ma.masked_greater(OWN_Z, 1.0), r"a masked array; fill it"),
         (OWN_Z > 1, "values of type bool"),
         ("power", r"shape \(\)"),
     ],

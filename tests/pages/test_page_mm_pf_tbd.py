@@ -628,7 +628,7 @@ def test_the_first_cell_without_a_number_is_named(page, value):
 def test_a_masked_array_is_refused_by_both_filters(page):
     z = np.ma.masked_greater(spoiled((2, 14, 9), 99.0), 50.0)
     for filtered in (page.run, page.bernoulli):
-        with pytest.raises(ValueError, match="^frames: a masked array; give frames.filled"):
+        with pytest.raises(ValueError, match="^frames: a masked array; fill it"):
             filtered(z, page.Params(M=50, M_new=50), np.random.default_rng(0))
 
 
