@@ -83,17 +83,17 @@ def _clipped(w1, w2, w4, w5, i, n):
 
 @kernel
 def _blob_exponents(S, r, nx, ny, half, tail):
-    """Particles whose patch has cells in the frame; arguments (3, n) of their exponentials."""
-    present, g, m = np.empty(r.size, np.int64), np.empty((3, r.size)), 0
+    """Particles whose patch has cells in the frame; arguments (n, 3) of their exponentials."""
+    present, g, m = np.empty(r.size, np.int64), np.empty((r.size, 3)), 0
     for n in range(r.size):
         x, y = S[n, 0], S[n, 2]
         if r[n] != 0 and (x != x or y != y):
             raise ValueError("states: NaN in the position of a particle that is present")
         dx, dy = np.floor(x + 0.5) - x, np.floor(y + 0.5) - y
-        g[0, m], g[1, m], g[2, m] = -half * (dx * dx + dy * dy), -tail * dx, -tail * dy
+        g[m, 0], g[m, 1], g[m, 2] = -half * (dx * dx + dy * dy), -tail * dx, -tail * dy
         present[m] = n  # the next one overwrites it, unless it counts: no branch to predict
         m += (r[n] != 0) & (x >= -1.5) & (x < nx + 2.5) & (y >= -1.5) & (y < ny + 2.5)
-    return present[:m], g[:, :m]
+    return present[:m], g[:m]
 
 
 @kernel
@@ -104,7 +104,7 @@ def _blob_sums(z, S, present, g, tail, peak, noise):
     for i, j in np.ndindex(nx, ny):  # a slice would take two seconds more to compile
         framed[i + 4, j + 4] = z[i, j]
     for m in range(present.size):
-        n, centre, up_x, up_y = present[m], g[0, m], g[1, m], g[2, m]
+        n, centre, up_x, up_y = present[m], g[m, 0], g[m, 1], g[m, 2]
         i, j = math.floor(S[n, 0] + 0.5), math.floor(S[n, 2] + 0.5)
         x3, y3, both = 1.0, 1.0, 1.0 / (up_x * up_y)
         down_x, down_y = both * up_y, both * up_x  # 1 / up_x and 1 / up_y

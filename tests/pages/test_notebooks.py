@@ -7,6 +7,7 @@ import math
 import re
 
 import pytest
+from numba.core.registry import CPUDispatcher
 
 from tbdcore.repro import claims, pages, paths, products
 
@@ -261,6 +262,14 @@ def test_the_algorithm_stands_alone(paper):
     assert list(inspect.signature(page.run).parameters)[1] == "p", "run(data, parameters, ...)"
     for name in COMMON:
         assert not hasattr(page, name), f"an algorithm cell uses the parameter {name}"
+
+
+@every_paper
+def test_no_page_takes_a_kernel_of_the_core_by_name(paper):
+    """A trial carries such a kernel to each process, which compiles it again in every run."""
+    names = vars(pages.page(paper)).items()
+    compiled = {name: value for name, value in names if isinstance(value, CPUDispatcher)}
+    assert [name for name, f in compiled.items() if f.__module__.startswith("tbdcore.")] == []
 
 
 @every_notebook
