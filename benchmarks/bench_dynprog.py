@@ -33,7 +33,8 @@ ASKED = {"conventional": 60e-6, "Tonissen": 1.3e-3, "weighted": 3e-3}  # seconds
 
 def trial(frames, forward, path, weights, back, I, lowest_velocity, reach):
     """One trial into the workspace I: margin, forward pass, largest final state, path."""
-    forward(dynprog.margin(frames, reach), *weights, lowest_velocity, reach, I)
+    z = dynprog.margin(frames, reach)
+    forward(z, *weights, lowest_velocity, reach, I, np.full_like(z, np.nan))
     last = np.unravel_index(I[-1].argmax(), I[-1].shape)
     return path(I, last, *back, lowest_velocity)
 

@@ -15,9 +15,10 @@ velocity is kept.  State-weighted: ``(a, 1, a)``.
 A maximum over products with positive weights is separable: 81 predecessors cost 6 + 6 operations.
 A state that cannot be reached is -inf, and so is the margin of frames and value maps (``margin``),
 at least as wide as the longest step.  Maps have shape (V, V, X, Y) with X = Nx + 2 margins: a step
-along an axis is a shift of one contiguous array.  The maps of all frames are kept, and the
-back-trace takes the argmax again, in the forward pass's order of operations, so that both agree to
-the last bit.  Frames, maps and weights are contiguous arrays of one type, float32 or float64.
+along an axis is a shift of one contiguous array.  The maps of all frames are kept: for frames that
+differ in a few cells only the rows that these can reach are computed again.  The back-trace takes
+the argmax again, in the forward pass's order of operations, so that both agree to the last bit.
+Frames, maps and weights are contiguous arrays of one type, float32 or float64.
 """
 
 import functools
@@ -63,16 +64,6 @@ def _surround(frames, width, framed):
     return lost
 
 
-def check_weights(slack, name="slack"):
-    """Weights of the slacks -d..d, finite, >= 0, the middle one positive, as a float64 vector."""
-    slack = checks.reals(name, np.atleast_1d(slack), "2 d + 1").astype(float)
-    if slack.size % 2 == 0:
-        raise ValueError(f"{name}: {slack.size} weights are an even window; give 2 d + 1, -d..d")
-    if not (np.isfinite(slack).all() and (slack >= 0).all() and slack[slack.size // 2] > 0):
-        raise ValueError(f"{name}: {slack.tolist()}; give finite weights >= 0, the middle one > 0")
-    return slack
-
-
 def _one_type(compiled):
     """The compiled function; arrays of several types or another layout are a ValueError."""
 
@@ -113,16 +104,39 @@ def _check_prices(position, velocity):
 
 
 @kernel
-def _begin(z, I, slack, lowest, reach):
-    """The first map; ValueError unless the frames fit the maps and no step leaves the margin."""
-    (_, V, W, X, Y), least = I.shape, min(z.shape[1], z.shape[2])
-    if z.shape != (len(I), X, Y) or V != W or I.size == 0:
+def _begin(z, I, slack, lowest, reach, held):
+    """The first map, and the rows (K, 2), first and end, in which frames differ from ``held``.
+
+    ValueError unless the frames fit the maps and no step leaves the margin.
+    """
+    (K, V, W, X, Y), least = I.shape, min(z.shape[1], z.shape[2])
+    if not z.shape == held.shape == (K, X, Y) or V != W or I.size == 0:
         raise ValueError("I: maps must be (K, V, V, X, Y) for frames (K, X, Y) in their margin")
     if not (slack <= reach < (least + 1) // 2 and slack - reach <= lowest <= reach - slack - V + 1):
         raise ValueError("reach: a step leaves the margin; use margin(frames, longest step)")
     maps, frames, size = I.reshape(I.size), z.reshape(z.size), X * Y
-    for start in range(0, V * V * size, size):  # eq. (14): every velocity has the cell's value
-        _top(maps, start, frames, (0, 0), size, frames[:0], 0)
+    rows = np.empty((K, 2), np.int64)
+    for k in range(K):
+        rows[k, 0], rows[k, 1] = I.size, -I.size  # none
+        for i in range(X):
+            new, old, n = z[k, i], held[k, i], 0
+            for j in range(Y):
+                n += new[j] != old[j]
+            if n > 0:
+                rows[k, 0], rows[k, 1] = min(rows[k, 0], i), i + 1
+        if rows[k, 0] == 0:
+            _close(maps, k * V * V * size, V * V, size, reach * Y)
+    first, n = _inside(rows[0, 0], rows[0, 1], reach, X)
+    for start in range(first * Y, V * V * size, size):  # eq. (14): a cell's value, always
+        _top(maps, start, frames, (first * Y, first * Y), n * Y, frames[:0], first)
+    return rows
+
+
+@kernel
+def _inside(first, end, reach, X):
+    """The rows of a range that are not in the margin: the first one, and how many."""
+    first = min(max(first, reach), X - reach)
+    return first, max(min(end, X - reach) - first, 0)
 
 
 @kernel
@@ -166,21 +180,16 @@ def _window(target, to, source, at, step, count, n, term, origin, work):
 
     Three maxima over ``width`` neighbours are one over up to 3 width: seven take two passes.
     """
-    far, width, half, none = (count - 1) * step, 3 * step, work.size // 2, term[:0]
+    far, width, half, none = (count - 1) * step, step, work.size // 2, term[:0]
     if count < 3:
         _top(target, to, source, (at, at + far), n, term, origin)
-    elif count == 3:
-        _top(target, to, source, (at, at + step, at + far), n, term, origin)
-    else:
-        _top(work, half, source, (at, at + step, at + 2 * step), n + far - 2 * step, none, origin)
-        at = half
-        while 3 * width <= far:
-            ends, wider = (at, at + width, at + 2 * width), n + far + step - 3 * width
-            _top(work, half - at, work, ends, wider, none, origin)
-            width, at = 3 * width, half - at
-        far += step - width
-        middle = (far // step + 1) // 2 * step
-        _top(target, to, work, (at, at + middle, at + far), n, term, origin)
+        return
+    while 3 * width <= far:
+        ends, wider = (at, at + width, at + 2 * width), n + far + step - 3 * width
+        _top(work, half, source, ends, wider, none, origin)
+        source, at, half, width = work, half, work.size // 2 - half, 3 * width
+    far += step - width
+    _top(target, to, source, (at, at + (far // step + 1) // 2 * step, at + far), n, term, origin)
 
 
 def _family(combine):
@@ -221,18 +230,6 @@ def _best(combine, left_out):
                 target[t + x] = p + term[o + x] if plus else p
 
     return best
-
-
-@kernel
-def _raise_products(target, to, source, at, step, n, weight):
-    """target[to + x] = max of itself and weight[c] source[at + x + c step], c = 0, 1, 2."""
-    t, a, b, c = np.uint64(to), weight[0], weight[1], weight[2]
-    i, j, k = np.uint64(at), np.uint64(at + step), np.uint64(at + 2 * step)
-    for x in range(np.uint64(n)):
-        p, q, r = a * source[i + x], b * source[j + x], c * source[k + x]
-        p = p if p > q else q
-        r = r if r > target[t + x] else target[t + x]
-        target[t + x] = p if p > r else r
 
 
 # Specifications
@@ -282,37 +279,69 @@ def _path_of(I, state, table, lowest_velocity, combine):
 # Forward pass
 
 
-def box_forward_spec(z, position, lowest_velocity, reach, I):
+def box_forward_spec(z, position, lowest_velocity, reach, I, held):
     """Specification of :func:`box_forward`: all pairs of slacks."""
-    return coupled_forward_spec(z, position[:, None] > 0, lowest_velocity, reach, I)
+    return coupled_forward_spec(z, position[:, None] > 0, lowest_velocity, reach, I, held)
 
 
 @_one_type
 @kernel
-def box_forward(z, position, lowest_velocity, reach, I):
+def box_forward(z, position, lowest_velocity, reach, I, held):
     """Eqs. (4), (6), (7), (14): the velocity is kept, all allowed slacks count the same.
 
     z : (K, X, Y) frames in their margin; I : (K, V, V, X, Y) value maps, written and returned.
     position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours.
     lowest_velocity : of index 0, cells/frame; reach : width of the margin, at least d + the
         fastest velocity.
+    held : (K, X, Y) frames whose maps, by the same arguments, I holds on entry, NaN if it holds
+        none: rows that no cell in which z differs can reach keep their values.
     """
     _check_weights(position, (position.size,), 0)
-    _begin(z, I, position.size // 2, lowest_velocity, reach)
-    V, size, Y = I.shape[1], z[0].size, z.shape[2]
-    lo, n, along, allowed = reach * Y, size - 2 * reach * Y, np.int64(1), np.flatnonzero(position)
+    differ = _begin(z, I, position.size // 2, lowest_velocity, reach, held)
+    (_, V, _, X, Y), along, allowed = I.shape, np.int64(1), np.flatnonzero(position)
     shift, count = position.size // 2 - allowed[0] + lowest_velocity, allowed.size
     if allowed[-1] - allowed[0] >= count:
         raise ValueError("position: the allowed slacks must be neighbours; fill the gap")
-    maps, frames, none = I.reshape(I.size), z.reshape(z.size), z[0, 0, :0]
+    maps, frames, none, size = I.reshape(I.size), z.reshape(z.size), z[0, 0, :0], X * Y
     rows, work = np.full(size, -np.inf).astype(I.dtype), np.empty(2 * size, I.dtype)
-    for k, iv, jv in np.ndindex(len(z) - 1, V, V):
-        old = ((k * V + iv) * V + jv) * size + lo
-        _window(rows, lo, maps, old - shift - jv, along, count, n, none, lo, work)
-        new, frame = old + V * V * size, (k + 1) * size + lo
-        _window(maps, new, rows, lo - (shift + iv) * Y, Y, count, n, frames, frame, work)
-        _close(maps, new - lo, 1, size, lo)
+    for iv, jv in np.ndindex(V, V):
+        (first, end), plane, down = differ[0], (iv * V + jv) * size, shift + iv
+        for k in range(1, len(z)):
+            first, end = min(first + down - count + 1, differ[k, 0]), max(end + down, differ[k, 1])
+            top, n = _inside(first - down, end - down + count - 1, reach, X)
+            old, origin = plane + top * Y - shift - jv, k * size
+            _window(rows, top * Y, maps, old, along, count, n * Y, none, origin, work)
+            plane, (top, n) = plane + V * V * size, _inside(first, end, reach, X)
+            to, old, origin = plane + top * Y, (top - down) * Y, origin + top * Y
+            _window(maps, to, rows, old, Y, count, n * Y, frames, origin, work)
     return I
+
+
+@kernel
+def _slack(source, at, step, weights):
+    """The largest of three values, ``step`` apart, each times its weight."""
+    p, q, r = source[at], source[at + step], source[at + step + step]
+    p, q, r = p * weights[0], q * weights[1], r * weights[2]
+    p = p if p > q else q
+    return p if p > r else r
+
+
+@kernel
+def _coupled(target, to, source, at, shape, table, term, origin):
+    """As `best`: max of source[v + r - 1, x + c step] table[c, r], r and c from 0 to 2."""
+    (start, pitch), (first, apart, step), (V, n) = to, at, shape
+    o, s, plus = np.uint64(origin), np.uint64(step), term.size > 0
+    for v in range(V):
+        low, high, t = max(v - 1, 0), min(v + 1, V - 1), np.uint64(start + v * pitch)
+        a, b, c = table[:, low - v + 1], table[:, 1], table[:, high - v + 1]
+        before, same, after = (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2])
+        i, j = np.uint64(first + low * apart), np.uint64(first + v * apart)
+        k = np.uint64(first + high * apart)
+        for x in range(np.uint64(n)):
+            p, q = _slack(source, i + x, s, before), _slack(source, j + x, s, same)
+            p, q = p if p > q else q, _slack(source, k + x, s, after)
+            p = p if p > q else q
+            target[t + x] = p + term[o + x] if plus else p
 
 
 def _extended(combine, left_out):
@@ -323,23 +352,29 @@ def _extended(combine, left_out):
     best = _best(combine, left_out)
 
     @_family(combine)
-    def forward(z, position, velocity, lowest, reach, I):
-        V, size, Y = I.shape[1], z[0].size, z.shape[2]
-        lo, n, none, piece = reach * Y, size - 2 * reach * Y, z[0, 0, :0], PIECE // I.itemsize
+    def forward(z, position, velocity, lowest, reach, I, differ):
+        (_, V, _, X, Y), none, maps, size = I.shape, z[0, 0, :0], I.reshape(I.size), z[0].size
+        (low, high), piece = differ[0], PIECE // I.itemsize
         rows, half = np.empty((V + 3) * piece, I.dtype), np.empty(V * V * size, I.dtype)
-        rows[:], half[:], maps = -np.inf, -np.inf, I.reshape(I.size)  # velocity v in row v + 2
+        rows[:], half[:] = -np.inf, -np.inf  # velocity v in row v + 2
         for k in range(1, len(z)):
+            low, high = min(low + lowest - 1, differ[k, 0]), max(high + lowest + V, differ[k, 1])
             new, frame = k * V * V * size, z[k].reshape(size)
-            across = maps, new - V * V * size, half, 0, V * size, size, 1, none
-            down = half, 0, maps, new, size, V * size, Y, frame
-            for old, begin, out, end, outer, inner, step, term in (across, down):
-                for first, x in np.ndindex(V, (n - 1) // piece + 1):
-                    here, shape = lo + first * outer + x * piece, (V, min(piece, n - x * piece))
-                    at = begin + here - (lowest + 1) * step, inner - step, step
-                    best(rows, (2 * piece, piece), old, at, shape, position, none, lo)
-                    to, at, origin = (end + here, inner), (piece, piece, piece), lo + x * piece
-                    best(out, to, rows, at, shape, velocity, term, origin)
-            _close(maps, new, V * V, size, lo)
+            across = maps, new - V * V * size, half, 0, V * size, size, 1, none, 1
+            down = half, 0, maps, new, size, V * size, Y, frame, 0
+            for old, begin, out, end, outer, inner, step, term, along in (across, down):
+                for first in range(V):
+                    back = along * (lowest + first)
+                    top, n = _inside(low - back - along, high - back + along, reach, X)
+                    for x in range(top * Y, (top + n) * Y, piece):
+                        here, shape = x + first * outer, (V, min(piece, (top + n) * Y - x))
+                        at = begin + here - (lowest + 1) * step, inner - step, step
+                        to = end + here, inner
+                        if position.ndim == 2:
+                            _coupled(out, to, old, at, shape, position, term, x)
+                        else:
+                            best(rows, (2 * piece, piece), old, at, shape, position, none, x)
+                            best(out, to, rows, (piece, piece, piece), shape, velocity, term, x)
         return I
 
     return forward
@@ -348,14 +383,14 @@ def _extended(combine, left_out):
 _weighted, _penalised = _extended(operator.mul, 0), _extended(operator.sub, np.inf)
 
 
-def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I):
+def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I, held):
     """Specification of :func:`weighted_forward`: all 81 predecessors of every state."""
-    return coupled_forward_spec(z, np.outer(position, velocity), lowest_velocity, reach, I)
+    return coupled_forward_spec(z, np.outer(position, velocity), lowest_velocity, reach, I, held)
 
 
 @_one_type
 @kernel
-def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
+def weighted_forward(z, position, velocity, lowest_velocity, reach, I, held):
     """Eqs. (8), (12) with g a product: position[m] velocity[r] on each axis, slacks -1, 0, 1.
 
     Arrays as in :func:`box_forward`; position, velocity : (3,) of the frames' type, 0 for a slack
@@ -363,63 +398,44 @@ def weighted_forward(z, position, velocity, lowest_velocity, reach, I):
     """
     _check_weights(position, (3,), 0)
     _check_weights(velocity, (3,), 0)
-    _begin(z, I, position.size // 2, lowest_velocity, reach)
-    return _weighted(z, position, velocity, lowest_velocity, reach, I)
+    differ = _begin(z, I, position.size // 2, lowest_velocity, reach, held)
+    return _weighted(z, position, velocity, lowest_velocity, reach, I, differ)
 
 
-def penalised_forward_spec(z, position, velocity, lowest_velocity, reach, I):
+def penalised_forward_spec(z, position, velocity, lowest_velocity, reach, I, held):
     """Specification of :func:`penalised_forward`: all 81 predecessors of every state."""
     return _dense(z, np.add.outer(position, velocity), lowest_velocity, I, np.subtract)
 
 
 @_one_type
 @kernel
-def penalised_forward(z, position, velocity, lowest_velocity, reach, I):
+def penalised_forward(z, position, velocity, lowest_velocity, reach, I, held):
     """I_k = z_k + max (I_{k-1} - position[m] - velocity[r] - the same on the other axis).
 
     Not in the paper.  position, velocity : (3,) prices, inf for a slack left out.  A price of
     lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
     _check_prices(position, velocity)
-    _begin(z, I, position.size // 2, lowest_velocity, reach)
-    return _penalised(z, position, velocity, lowest_velocity, reach, I)
+    differ = _begin(z, I, position.size // 2, lowest_velocity, reach, held)
+    return _penalised(z, position, velocity, lowest_velocity, reach, I, differ)
 
 
-def coupled_forward_spec(z, table, lowest_velocity, reach, I):
+def coupled_forward_spec(z, table, lowest_velocity, reach, I, held):
     """Specification of :func:`coupled_forward`: all 81 predecessors of every state."""
     return _dense(z, np.where(table > 0, table, np.nan), lowest_velocity, I, np.multiply)
 
 
 @_one_type
 @kernel
-def coupled_forward(z, table, lowest_velocity, reach, I):
+def coupled_forward(z, table, lowest_velocity, reach, I, held):
     """Eqs. (8), (12) with g = table[m, r] table[n, s]: slack and velocity change weighted together.
 
     Arrays as in :func:`box_forward`; table : (3, 3) of the frames' type, position slack first, all
     positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
     """
     _check_weights(table, (3, 3), TINY)
-    _begin(z, I, len(table) // 2, lowest_velocity, reach)
-    V, Y, size = I.shape[1], z.shape[2], z[0].size
-    lo, n, maps = reach * Y, size - 2 * reach * Y, I.reshape(I.size)
-    rows = np.full(V * size, -np.inf).astype(I.dtype)
-    for k, jv in np.ndindex(len(z) - 1, V):
-        for u in range(V):
-            start = u * size + lo
-            rows[start : start + n] = -np.inf
-            for w in range(max(jv - 1, 0), min(jv + 2, V)):
-                at = ((k * V + u) * V + w) * size + lo - lowest_velocity - w - 1
-                _raise_products(rows, start, maps, at, 1, n, table[:, w - jv + 1])
-        for iv in range(V):
-            start = (((k + 1) * V + iv) * V + jv) * size + lo
-            target = maps[start : start + n]
-            target[:] = -np.inf
-            for u in range(max(iv - 1, 0), min(iv + 2, V)):
-                at = u * size + lo - (lowest_velocity + u + 1) * Y
-                _raise_products(maps, start, rows, at, Y, n, table[:, u - iv + 1])
-            target += z[k + 1].reshape(size)[lo : lo + n]
-            _close(maps, start - lo, 1, size, lo)
-    return I
+    differ = _begin(z, I, len(table) // 2, lowest_velocity, reach, held)
+    return _weighted(z, table, table[0], lowest_velocity, reach, I, differ)
 
 
 # Back-trace

@@ -1,12 +1,12 @@
 """Scores: how good an estimate is, and how far a Monte Carlo number can be trusted.
 
-**Proportions.**  k successes in n trials: ``proportion`` gives the estimate and its standard error,
-``wilson`` the interval to draw.  **Crossings.**  The abscissa at which a curve passes a level:
-``crossing`` interpolates linearly around the *last downward* passage (a noisy curve may touch the
-level earlier), ``crossings`` for each of many curves.  **Lost tracks.**  ``loss_onsets`` says when
-a track was lost under a stated rule, ``kept_rmse`` what the error of the others is, with the
-influence of each trial on it, from which paired differences get their errors.  **Sets.**  ``ospa``
-is the distance between two finite sets.  **Columns.**  ``column_test`` compares a table's column.
+**Proportions.**  k successes in n trials: ``proportion`` gives the estimate and its standard error.
+**Crossings.**  The abscissa at which a curve passes a level: ``crossing`` interpolates linearly
+around the *last downward* passage (a noisy curve may touch the level earlier), ``crossings`` for
+each of many curves.  **Lost tracks.**  ``loss_onsets`` says when a track was lost under a stated
+rule, ``kept_rmse`` what the error of the others is, with the influence of each trial on it, from
+which paired differences get their errors.  **Sets.**  ``ospa`` is the distance between two finite
+sets.  **Columns.**  ``column_test`` compares a table's column.
 
 All raise ValueError for shapes that do not fit and for values out of range; NaN is valid only where
 it is said.
@@ -21,33 +21,17 @@ from scipy.special import chdtrc
 Z99 = 2.5758293035489004  # half width of a 99 % normal interval
 
 
-def _counts(k, n):
-    """k and n as floats; ValueError unless 0 <= k <= n and n is a whole number."""
-    k, n = np.asarray(k, float), np.asarray(n, float)
-    if not ((k >= 0) & (k <= n) & (n < np.inf) & (n == np.floor(n))).all():
-        raise ValueError("score: give successes 0 <= k <= n of n trials, a whole number")
-    return k, n
-
-
 def proportion(k, n):
     """Estimate k / n and its standard error; NaN where n is 0.  Scalars or arrays.
 
     The error is that of the share (k + 1/2) / (n + 1), which is never 0 or 1.
     """
-    k, n = _counts(k, n)
+    k, n = np.asarray(k, float), np.asarray(n, float)
+    if not ((k >= 0) & (k <= n) & (n < np.inf) & (n == np.floor(n))).all():
+        raise ValueError("score: give successes 0 <= k <= n of n trials, a whole number")
     share = (k + 0.5) / (n + 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(n > 0, k / n, np.nan), np.sqrt(share * (1 - share) / n)
-
-
-def wilson(k, n, z=Z99):
-    """Wilson's interval (low, high) of a proportion; (0, 1) where n is 0.  Scalars or arrays."""
-    k, n = _counts(k, n)
-    if not 1e-50 < z < 1e50:
-        raise ValueError(f"score.wilson: z is {z:g}; give a positive normal quantile")
-    centre = k + z * z / 2
-    half = z * np.sqrt(np.maximum(k * (n - k), 0) / np.maximum(n, 1) + z * z / 4)
-    return (centre - half) / (n + z * z), (centre + half) / (n + z * z)
 
 
 def crossing(x, y, level):

@@ -26,9 +26,20 @@ def frames(K=3, shape=(9, 7), reach=4, shift=0.0, lost=0.3, seed=3):
 
 
 def forward(weights, lowest_velocity=LOWEST, reach=4, V=2 * M, **about):
-    """Arguments of a forward pass."""
+    """Arguments of a forward pass that holds no maps."""
     z = frames(reach=reach, **about)
-    return z, *weights, lowest_velocity, reach, np.full((len(z), V, V, *z.shape[1:]), np.nan)
+    I = np.full((len(z), V, V, *z.shape[1:]), np.nan)
+    return z, *weights, lowest_velocity, reach, I, np.full_like(z, np.nan)
+
+
+def again(name, weights, cells, lowest_velocity=LOWEST, reach=4, V=2 * M):
+    """Arguments of a forward pass that holds the maps of frames which differ in some cells."""
+    arguments = forward(weights, lowest_velocity, reach, V, K=5, shape=(26, 7), lost=0.1)
+    z, held = arguments[0].copy(), arguments[0]
+    I = getattr(dynprog, f"{name}_forward_spec")(*arguments)
+    for k, i, j in cells:
+        z[k, reach + i, reach + j] = 3.0 if z[k, reach + i, reach + j] < 0.0 else -3.0
+    return z, *weights, lowest_velocity, reach, I, held
 
 
 def back(weights, state, lowest_velocity=LOWEST, V=2 * M, **about):
@@ -57,6 +68,10 @@ FAMILIES = (
     ("penalised", (PRICE, np.array([0.2, 0.0, 0.2]))),
     ("coupled", (LITERAL,)),
 )
+CHANGES = (  # frame and cell: an end of the frames, a track, far apart, nothing
+    *([(0, 12, 3)], [(0, 0, 0)], [(0, 25, 6)], [(4, 12, 3)], [(2, 20, 0)]),
+    *([(k, 3 + 2 * k, 3) for k in range(5)], [(0, 2, 2), (3, 25, 5)], []),
+)
 STATES = ((0, 0, 4, 4), (5, 5, 12, 10), (2, 3, 8, 7), (5, 0, 6, 5), (0, 0, 0, 0), (5, 5, 16, 14))
 
 
@@ -82,6 +97,20 @@ CASES += [
     )
     for name, weights in FAMILIES
     for about in DATA
+]
+CASES += [
+    (
+        f"{name}_forward",
+        *pair(f"{name}_forward"),
+        lambda name=name, weights=weights, cells=cells, more=more: again(
+            name, weights, cells, *more
+        ),
+    )
+    for name, weights, *more in [
+        *(("box", (w,), v, r, V) for w, v, V, r in BOXES),
+        *FAMILIES,
+    ]
+    for cells in CHANGES
 ]
 CASES += [
     (

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy import stats
 
 from tbdcore import score
 
@@ -14,16 +13,6 @@ def test_proportion_and_its_error():
     share = np.array([0.5, 25.5, 100.5]) / 101
     np.testing.assert_allclose(se, np.sqrt(share * (1 - share) / 100))
     assert np.isnan(score.proportion(0, 0)[0])
-
-
-def test_wilson_covers():
-    low, high = score.wilson(np.arange(41), 40)
-    assert low[0] == 0
-    assert np.isclose(high[-1], 1)
-    for p in (0.05, 0.3, 0.5):
-        inside = (low <= p) & (p <= high)
-        coverage = stats.binom.pmf(np.arange(41), 40, p)[inside].sum()
-        assert 0.97 < coverage < 1  # nominal 0.99; binomial steps at n = 40 are 0.02
 
 
 def test_crossing_of_a_line_and_of_nothing():
