@@ -167,9 +167,9 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
         before = r[n]
         if not (0 <= before <= 2 and 0.0 <= u[n] < 1.0):
             raise ValueError("motion.transition: a regime is not 0, 1, 2, or a draw not in [0, 1)")
-        after[n] = int(u[n] >= Pi[before, 0]) + int(u[n] >= Pi[before, 0] + Pi[before, 1])
-        k = 3 if (before == 0) & (after[n] > 0) & redraw else after[n]
-        lists[k, m[k]] = n
+        now = int(u[n] >= Pi[before, 0]) + int(u[n] >= Pi[before, 0] + Pi[before, 1])
+        k = np.uint64(3 if (before == 0) & (now > 0) & redraw else now)
+        after[n], lists[k, np.uint64(m[k])] = now, n
         m[k] += 1
     for n in lists[1, : m[1]]:
         _move(S, n, T, 0.0, 1.0, 0.0, T, a)

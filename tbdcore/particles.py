@@ -143,8 +143,8 @@ def copy_particles(r, S, ancestors):
     regimes, states = np.empty(M, r.dtype), np.empty((M, d))
     counts, total = np.zeros(3, np.int64), np.zeros(d)
     for m in range(M):
-        n = ancestors[m]
-        if not (0 <= n < r.size and 0 <= r[n] <= 2):
+        n = np.uint64(ancestors[m])  # unsigned: a negative one is too large, no index from the end
+        if not (n < np.uint64(r.size) and 0 <= r[n] <= 2):
             raise ValueError("particles: regimes must be 0, 1 or 2, ancestors 0 to N - 1")
         a = regimes[m] = r[n]
         counts[a] += 1
@@ -189,12 +189,12 @@ def inherit(H, age, ancestors, births):
     for m in range(M):
         if not 0 <= ancestors[m] < age.size:
             raise ValueError("history: an ancestor is not in 0 to N - 1")
-        older[m] = age[ancestors[m]]
+        older[m] = age[np.uint64(ancestors[m])]  # unsigned: no test for an index from the end
     for i in range(H.shape[0]):
         for j in range(H.shape[1]):
             old, new = H[i, j], moved[i, j]
             for m in range(M):
-                new[m] = old[ancestors[m]]
+                new[m] = old[np.uint64(ancestors[m])]
             new[M:] = 0.0
     return moved, older
 

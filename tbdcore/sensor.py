@@ -75,25 +75,22 @@ def _row_match(z, i, j, w1, w2, w4, w5):
 
 
 @kernel
-def _clipped(w1, w2, w4, w5, i, n):
-    """Weights of the cells i - 2 to i + 2 of an axis, 1 in the middle; 0 outside 1 to n."""
-    w1, w2, w3 = w1 * (1 <= i - 2 <= n), w2 * (1 <= i - 1 <= n), 1.0 * (1 <= i <= n)
-    return w1, w2, w3, w4 * (1 <= i + 1 <= n), w5 * (1 <= i + 2 <= n)
-
-
-@kernel
 def _blob_exponents(S, r, nx, ny, half, tail):
     """Particles whose patch has cells in the frame; arguments (n, 3) of their exponentials."""
-    present, g, m = np.empty(r.size, np.int64), np.empty((r.size, 3)), 0
+    present, m = np.empty(r.size, np.int64), 0
     for n in range(r.size):
         x, y = S[n, 0], S[n, 2]
-        if r[n] != 0 and (x != x or y != y):
-            raise ValueError("states: NaN in the position of a particle that is present")
-        dx, dy = np.floor(x + 0.5) - x, np.floor(y + 0.5) - y
-        g[m, 0], g[m, 1], g[m, 2] = -half * (dx * dx + dy * dy), -tail * dx, -tail * dy
-        present[m] = n  # the next one overwrites it, unless it counts: no branch to predict
+        present[np.uint64(m)] = n  # the next one overwrites it, unless it counts: no branch
         m += (r[n] != 0) & (x >= -1.5) & (x < nx + 2.5) & (y >= -1.5) & (y < ny + 2.5)
-    return present[:m], g[:m]
+        if (r[n] != 0) & ((x != x) | (y != y)):
+            raise ValueError("states: NaN in the position of a particle that is present")
+    present, g = present[:m], np.empty((m, 3))
+    for k in range(present.size):
+        n = np.uint64(present[k])
+        x, y = S[n, 0], S[n, 2]
+        dx, dy = np.floor(x + 0.5) - x, np.floor(y + 0.5) - y
+        g[k, 0], g[k, 1], g[k, 2] = -half * (dx * dx + dy * dy), -tail * dx, -tail * dy
+    return present, g
 
 
 @kernel
@@ -101,25 +98,25 @@ def _blob_sums(z, S, present, g, tail, peak, noise):
     """The log-ratios (N,), from the exponentials g of those particles; 0 for the others."""
     (nx, ny), one, two = z.shape, math.exp(-0.5 * tail), math.exp(-2.0 * tail)
     framed, out = np.zeros((nx + 8, ny + 8)), np.zeros(len(S))
+    inside = np.zeros((2, max(nx, ny) + 8))  # 1 in the frame: no energy is expected beyond the edge
     for i, j in np.ndindex(nx, ny):  # a slice would take two seconds more to compile
         framed[i + 4, j + 4] = z[i, j]
+    for k in range(4, inside.shape[1]):
+        inside[0, k], inside[1, k] = k < nx + 4, k < ny + 4
     for m in range(present.size):
-        n, centre, up_x, up_y = present[m], g[m, 0], g[m, 1], g[m, 2]
-        i, j = math.floor(S[n, 0] + 0.5), math.floor(S[n, 2] + 0.5)
-        x3, y3, both = 1.0, 1.0, 1.0 / (up_x * up_y)
+        n, centre, up_x, up_y = np.uint64(present[m]), g[m, 0], g[m, 1], g[m, 2]
+        i, j = math.floor(S[n, 0] + 0.5) + 1, math.floor(S[n, 2] + 0.5) + 1
+        both = 1.0 / (up_x * up_y)
         down_x, down_y = both * up_y, both * up_x  # 1 / up_x and 1 / up_y
         x1, x2, x4, x5 = down_x * down_x * two, down_x * one, up_x * one, up_x * up_x * two
         y1, y2, y4, y5 = down_y * down_y * two, down_y * one, up_y * one, up_y * up_y * two
-        match = x1 * _row_match(framed, i + 1, j + 1, y1, y2, y4, y5)
-        match += x2 * _row_match(framed, i + 2, j + 1, y1, y2, y4, y5)
-        far = x4 * _row_match(framed, i + 4, j + 1, y1, y2, y4, y5)
-        match += far + x5 * _row_match(framed, i + 5, j + 1, y1, y2, y4, y5)
-        match += _row_match(framed, i + 3, j + 1, y1, y2, y4, y5)
-        if not (2 < i < nx - 1 and 2 < j < ny - 1):  # no energy is expected beyond the edge
-            x1, x2, x3, x4, x5 = _clipped(x1, x2, x4, x5, i, nx)
-            y1, y2, y3, y4, y5 = _clipped(y1, y2, y4, y5, j, ny)
-        energy = x1 * x1 + x2 * x2 + x3 + x4 * x4 + x5 * x5
-        energy *= y1 * y1 + y2 * y2 + y3 + y4 * y4 + y5 * y5
+        match = x1 * _row_match(framed, i, j, y1, y2, y4, y5)
+        match += x2 * _row_match(framed, i + 1, j, y1, y2, y4, y5)
+        far = x4 * _row_match(framed, i + 3, j, y1, y2, y4, y5)
+        match += far + x5 * _row_match(framed, i + 4, j, y1, y2, y4, y5)
+        match += _row_match(framed, i + 2, j, y1, y2, y4, y5)
+        energy = _row_match(inside, 0, i, x1 * x1, x2 * x2, x4 * x4, x5 * x5)
+        energy *= _row_match(inside, 1, j, y1 * y1, y2 * y2, y4 * y4, y5 * y5)
         out[n] = peak * centre * (match - 0.5 * peak * centre * energy) / (noise * noise)
     return out
 
