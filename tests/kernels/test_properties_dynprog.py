@@ -58,3 +58,23 @@ def test_forward_and_path(data, family, position, velocity, lowest, reach, V):
         assert traced[-1].tolist() == list(state)
         reached = np.isfinite(I[-1][state])
         assert ((traced >= 0).all() and reached) or not reached
+
+
+CELLS = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 19), st.integers(0, 2)), max_size=4)
+
+
+@same
+@given(CELLS, FAMILIES, NUMBERS, st.integers(1, 4), st.integers(0, 9))
+def test_maps_of_changed_frames_equal_those_of_a_whole_pass(cells, family, lowest, V, seed):
+    w, forward = np.array([0.9, 1.0, 0.8]), getattr(dynprog, f"{family}_forward")
+    weights = {"box": (w,), "coupled": (np.outer(w, w),)}.get(family, (w, w))
+    reach = 1 + max(abs(lowest), abs(lowest + V - 1))
+    held = dynprog.margin(np.random.default_rng(seed).normal(-1.0, 1.0, (4, 20, 3)), reach)
+    none, maps, whole = np.full_like(held, np.nan), *np.full((2, 4, V, V, *held.shape[1:]), np.nan)
+    forward(held, *weights, lowest, reach, maps, none)
+    z = held.copy()
+    for k, i, j in cells:
+        z[k, reach + i, reach + j] *= -2.0
+    forward(z, *weights, lowest, reach, maps, held)
+    forward(z, *weights, lowest, reach, whole, none)
+    assert np.array_equal(maps, whole)
