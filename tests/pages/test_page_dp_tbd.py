@@ -524,8 +524,9 @@ def test_the_weighted_set_reaches_every_direction_with_one_speed_more(page):
 
 
 def test_an_even_window_is_refused_in_one_line(page, p):
-    with pytest.raises(ValueError, match="even window"):
-        page.keeping(np.ones(4), 1, 0, p, float)
+    z = page.prepare(np.zeros((2, *p.grid)), p)
+    with pytest.raises(ValueError, match=r"^weights: give 2 d \+ 1[^\n]+$"):
+        page.track(z, page.keeping(np.ones(4), 1, 0, p, float), p)
 
 
 @pytest.mark.parametrize("p_fa", [0.0, 1.0, -0.1, math.nan, "0.1"])
