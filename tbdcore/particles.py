@@ -40,15 +40,6 @@ def normalise(lw):
     return W, float(top + np.log(total / lw.size))
 
 
-def effective_size(W):
-    """Kish's effective number of particles, 1 / sum W**2 in [1, N]; W : (N,), sums to one."""
-    W = checks.reals("weights", W, "N")
-    total = _total(W)
-    if not abs(total - 1.0) < 1e-3:
-        raise ValueError(f"weights: sum of {W.size} is {total:g}, not 1; normalise them first")
-    return float(1.0 / np.dot(W, W))
-
-
 def existence_predict(P, p_birth, p_survive):
     """Probability of existence one frame ahead: a two-state Markov chain."""
     for name, value in (("P", P), ("p_birth", p_birth), ("p_survive", p_survive)):
@@ -158,14 +149,6 @@ def copy_particles(r, S, ancestors):
 # H (window, s, N), s samples a frame.  Frame k is in row k mod window, whatever a particle's age.
 
 
-def record(H, age, k, sample):
-    """Write sample (s, N) of frame k to row k mod window of H; increase age (N,); both in place."""
-    if H.ndim != 3 or not len(H) or H.shape[1:] != np.shape(sample) or age.shape != H.shape[2:]:
-        raise ValueError("history: give H (window, s, N), age (N,), sample (s, N), window >= 1")
-    H[checks.integer("frame k", k, 0) % len(H)] = sample
-    age += 1
-
-
 def inherit_spec(H, age, ancestors, births):
     """Specification of :func:`inherit`: fancy indices, and zeros behind them."""
     return tuple(
@@ -197,11 +180,3 @@ def inherit(H, age, ancestors, births):
                 new[m] = old[np.uint64(ancestors[m])]
             new[M:] = 0.0
     return moved, older
-
-
-def distinct(labels):
-    """Number of different values in a sorted array: of ancestors, or of founders."""
-    steps = np.diff(labels)
-    if not (steps >= 0).all():
-        raise ValueError("labels: must be in ascending order, none NaN; sort them")
-    return int(np.count_nonzero(steps) + (len(labels) > 0))

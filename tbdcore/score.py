@@ -13,7 +13,6 @@ it is said.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
@@ -140,24 +139,8 @@ def kept_rmse(error, kept):
         return np.sqrt(mean), (square - weight * mean) / (2 * np.sqrt(mean))
 
 
-def influence_error(influence):
-    """Standard error over the leading axis of influences (n, ...), n >= 1."""
-    if not len(influence):
-        raise ValueError("score.influence_error: no trial; give at least one")
-    return np.std(influence, axis=0) / math.sqrt(len(influence))
-
-
-class Column(NamedTuple):
-    """A column of measured less printed values: its mean, the error and z of it, and chi2's p."""
-
-    shift: float
-    se: float
-    z: float
-    p: float
-
-
 def column_test(measured, printed, covariance, ratio, half=0.0):
-    """Whether a table's column, taken as a whole, agrees with ours.
+    """Whether a table's column agrees with ours as a whole: mean difference, its error, z, and p.
 
     measured, printed : (r,); covariance : (r, r) of our values; ratio : our number of trials over
     the paper's; half : half of the last printed digit.  The mean difference tests for a common
@@ -168,4 +151,4 @@ def column_test(measured, printed, covariance, ratio, half=0.0):
     if C.shape != (d.size, d.size) or not np.isfinite(C).all() or ratio < 0:
         raise ValueError("column_test: give (r,) values, a finite (r, r) covariance, a ratio >= 0")
     shift, se = float(d.mean()), float(np.sqrt(C.sum())) / d.size
-    return Column(shift, se, shift / se, float(chdtrc(d.size, d @ np.linalg.solve(C, d))))
+    return shift, se, shift / se, float(chdtrc(d.size, d @ np.linalg.solve(C, d)))

@@ -19,6 +19,7 @@ and variance d**2, where d**2 = sum h**2 / sigma**2 is the energy that a matched
 """
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -218,12 +219,24 @@ def polar_cells(x, y, grid):
 
     Azimuths are those within half a turn of the middle of the region.
     """
-    x, y = np.asarray(x, float), np.asarray(y, float) + 0.0  # no negative zero
+    x = np.asarray(x, float) + 0.0  # a copy, without negative zeros
+    y = checks.reals("y", np.asarray(y, float) + 0.0, *x.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
-        a = 0.5 * np.pi - np.arctan(x / y) - np.pi * (y < 0.0) - grid.a_min
-    turns = np.round((a - 0.5 * grid.na * grid.da) / (2.0 * np.pi))
-    rho = (np.sqrt(x * x + y * y) - grid.r_min) / grid.dr + 0.5
-    return rho, (a - 2.0 * np.pi * turns) / grid.da + 0.5
+        angle = np.arctan(x / y)
+    out = np.empty((2, *x.shape))
+    _cells(x.reshape(-1), y.reshape(-1), angle.reshape(-1), grid, out.reshape(2, -1))
+    return out
+
+
+@kernel
+def _cells(x, y, angle, grid, out):
+    """The loop of :func:`polar_cells`; angle : arctan(x / y)."""
+    r_min, a_min, dr, da, _, na = grid
+    for n in range(x.size):
+        a = 0.5 * np.pi - angle[n] - np.pi * (y[n] < 0.0) - a_min
+        turns = np.rint((a - 0.5 * na * da) / (2.0 * np.pi))
+        out[0, n] = (math.sqrt(x[n] * x[n] + y[n] * y[n]) - r_min) / dr + 0.5
+        out[1, n] = (a - 2.0 * np.pi * turns) / da + 0.5
 
 
 def spread_power(rho, alpha, spread, shape):
@@ -247,13 +260,6 @@ def footprint(spread):
     return math.pi / math.sqrt(spread.lr * spread.la)
 
 
-def straddle(spread):
-    """E[h**2] in the cell that holds the point, over all places of the point in the cell."""
-    _check_spread(spread)
-    both = (math.sqrt(math.pi / l) * math.erf(0.5 * math.sqrt(l)) for l in (spread.lr, spread.la))
-    return math.prod(both)
-
-
 @kernel
 def _exponentials(cells, rng):
     for n in range(cells.size):
@@ -265,17 +271,6 @@ def noise_power(shape, rng):
     z = np.empty(shape, np.float32)  # by NumPy, for its large memory pages
     _exponentials(z.reshape(-1), rng)
     return z
-
-
-def _frames_with_target(z, rho, alpha, power):
-    """Indices of the frames that have a target; ValueError where arguments do not fit."""
-    if checks.reals("frames", z, "K", "nr", "na") is not z:
-        raise ValueError("frames: give an array of floats, which is changed in place")
-    checks.reals("rho", rho, len(z)), checks.reals("alpha", alpha, len(z))
-    there = np.flatnonzero(~np.isnan(rho))
-    power = checks.reals("power", np.broadcast_to(power, len(z)), len(z))
-    checks.within("power", power[there], 0.0, HIGH)
-    return there
 
 
 def _target_cells(rho, alpha, spread, shape):
@@ -296,23 +291,22 @@ def add_target(z, rho, alpha, power, spread, rng):
     z : (K, nr, na) noise power |v|**2 in units of its mean
     rho, alpha : (K,) place of the target in cells, NaN where there is none
     power : (K,) |A|**2 over the noise power
-    rng : draws the angle between A h and v, uniform in every cell, since v is circular
+    rng : draws the angle between A h and v, uniform in every cell, since v is circular; None: cells
+        are independent, equations (7) and (8), and power, (K,) or a number, is the mean of |A|**2
     """
-    for k in _frames_with_target(z, rho, alpha, power):
+    if checks.reals("frames", z, "K", "nr", "na") is not z:
+        raise ValueError("frames: give an array of floats, which is changed in place")
+    checks.reals("rho", rho, len(z)), checks.reals("alpha", alpha, len(z))
+    power = checks.reals("power", np.broadcast_to(power, len(z)), len(z))
+    there = np.flatnonzero(~np.isnan(rho))
+    checks.within("power", power[there], 0.0, HIGH)
+    for k in there:
         near, h2 = _target_cells(rho[k], alpha[k], spread, z.shape[1:])
         s, v2 = power[k] * h2, z[k][near]
-        z[k][near] = s + v2 + 2.0 * np.sqrt(s * v2) * np.cos(2.0 * np.pi * rng.random(s.shape))
-
-
-def add_target_per_cell(z, rho, alpha, snr, spread):
-    """Add a target to noise frames, in place: cells independent, equations (7) and (8).
-
-    Arguments as in :func:`add_target`; snr : mean of |A|**2 over the noise power, a number.
-    """
-    checks.number("snr", snr, 0.0, HIGH)
-    for k in _frames_with_target(z, rho, alpha, 0.0):
-        near, h2 = _target_cells(rho[k], alpha[k], spread, z.shape[1:])
-        z[k][near] *= 1.0 + snr * h2
+        if rng is None:
+            v2 *= 1.0 + s
+        else:
+            v2[:] = s + v2 + 2.0 * np.sqrt(s * v2) * np.cos(2.0 * np.pi * rng.random(s.shape))
 
 
 def _polar(spread, z, rho, alpha, *snr, high=HIGH):
@@ -398,17 +392,6 @@ def power_log_ratio(z, rho, alpha, snr, spread):
 
 
 @kernel
-def _sum_of_cells(z, top, left, gr, ga):
-    """The log-ratio of one patch cell by cell, for what overflows in :func:`_power_log_ratio`."""
-    total = 0.0
-    for i in range(max(top, 0), min(top + gr.size, z.shape[0])):
-        for j in range(max(left, 0), min(left + ga.size, z.shape[1])):
-            s = gr[i - top] * ga[j - left]
-            total += z[i, j] * (s / (1.0 + s)) - math.log1p(s)
-    return total
-
-
-@kernel
 def _five_rows(i, last):
     """Rows i to i + 4, the last one instead of those beyond it; unsigned, as in _row_match."""
     a, b, c, d, e = min(i, last), min(i + 1, last), min(i + 2, last), min(i + 3, last), i + 4
@@ -416,54 +399,115 @@ def _five_rows(i, last):
 
 
 @kernel
-def _with_cell(num, den, z, s):
-    """Numerator and denominator of  num / den + z s / (1 + s)."""
-    return num * (1.0 + s) + den * z * s, den * (1.0 + s)
+def _five_cells(z, g, h):
+    """One division for five cells: num / den = sum z s / (1 + s), den = prod (1 + s), s = g h."""
+    num, den = z[0] * (g[0] * h), 1.0 + g[0] * h
+    for r in range(1, 5):
+        s = g[r] * h
+        num, den = num * (1.0 + s) + den * z[r] * s, den * (1.0 + s)
+    return num, den
 
 
 @kernel
 def _power_log_ratio(z, rho, alpha, snr, tilts, spread):
-    """The loop: with s = snr h**2 a cell adds z s / (1 + s) - log(1 + s); (N,) and (N,).
-
-    The sum over five cells of one azimuth is num / den, den = prod (1 + s): one division for five.
-    It returns the sum of these and the product of the den, whose logarithm the caller subtracts.
-    At an edge the window of azimuths is shifted into the frame, with h = 0.
-    """
+    """The loops: sums (N,) of z s / (1 + s), s = snr h**2, and products (N,) of 1 + s."""
     (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
-    w = min(4 * (ha // 2) + 4, na)  # columns in the window: at least 2 ha + 1, a multiple of four
-    gr, ga = np.zeros(2 * hr + 5), np.zeros(2 * (w + ha) + 1)
-    part, den, total, product = np.empty(w), np.empty(w), np.zeros(rho.size), np.ones(rho.size)
+    gr, ga = np.zeros(2 * hr + 5), np.zeros(2 * ha + 1)
+    total, product = np.zeros(rho.size), np.ones(rho.size)
+    part, den = np.empty(ga.size), np.empty(ga.size)
+    cell = _crowds(z, rho, alpha, snr, tilts, spread, total, product)
     for n in range(rho.size):
-        inside = _inside(rho[n], alpha[n], nr, na)
-        if not inside or snr[n] <= 0.0:
-            total[n] = 0.0 if inside else -np.inf
+        if cell[n] < 0:
             continue
-        top, left = int(rho[n] + 0.5) - 1 - hr, int(alpha[n] + 0.5) - 1 - ha
+        top, left = cell[n] // na - hr, cell[n] % na - ha
         _gaussian(gr, hr, snr[n] * tilts[0, n], tilts[1, n], fr)
-        _gaussian(ga, w + ha, 1.0, tilts[2, n], fa)
-        first, end = min(max(left, 0), na - w), min(top + 2 * hr + 1, nr)
+        _gaussian(ga, ha, 1.0, tilts[2, n], fa)
+        end, ratio, many = min(top + 2 * hr + 1, nr), 0.0, 1.0
         gr[end - top : 2 * hr + 1] = 0.0
-        ratio, many, column, shift = 0.0, 1.0, np.uint64(first), np.uint64(w + first - left)
+        low, high, shift = max(left, 0), min(left + ga.size, na), np.uint64(max(-left, 0))
         for i in range(max(top, 0), end, 5):
             row, m = _five_rows(i, end - 1), i - top
             g = gr[m], gr[m + 1], gr[m + 2], gr[m + 3], gr[m + 4]
-            for k in range(np.uint64(w)):
-                h, j = ga[shift + k], column + k
-                a, b = z[row[0], j] * (g[0] * h), 1.0 + g[0] * h
-                a, b = _with_cell(a, b, z[row[1], j], g[1] * h)
-                a, b = _with_cell(a, b, z[row[2], j], g[2] * h)
-                a, b = _with_cell(a, b, z[row[3], j], g[3] * h)
-                a, b = _with_cell(a, b, z[row[4], j], g[4] * h)
+            for k in range(np.uint64(high - low)):
+                j = np.uint64(low) + k
+                five = z[row[0], j], z[row[1], j], z[row[2], j], z[row[3], j], z[row[4], j]
+                a, b = _five_cells(five, g, ga[shift + k])
                 part[k], den[k] = a / b, b
-            for k in range(w):
+            for k in range(high - low):
+                if not many * den[k] < 1e300:
+                    ratio, many = ratio - math.log(many), 1.0
                 ratio += part[k]
                 many *= den[k]
-            if many > 1e150:
-                ratio, many = ratio - math.log(many), 1.0
-        if not math.isfinite(ratio + many):
-            ratio, many = _sum_of_cells(z, top, left, gr, ga[w : w + 2 * ha + 1]), 1.0
         total[n], product[n] = ratio, many
     return total, product
+
+
+@kernel
+def _lists(rho, alpha, snr, nr, na, total):
+    """Cells (N,) of the particles to weigh, and lists of those of a cell: first, next; -1: none."""
+    cell, after, first = np.full(rho.size, -1), np.empty(rho.size, np.int64), np.full(4096, -1)
+    for n in range(rho.size):
+        if not _inside(rho[n], alpha[n], nr, na):
+            total[n] = -np.inf
+        elif snr[n] > 0.0:
+            cell[n] = (int(rho[n] + 0.5) - 1) * na + int(alpha[n] + 0.5) - 1
+            slot = np.uint64(cell[n] % first.size)
+            after[n], first[slot] = first[slot], n
+    return cell, first, after
+
+
+@kernel
+def _lanes(out, h, peak, tilt, fixed, size):
+    """Rows h + m of out as _gaussian, for the peaks and tilts of particles, a column for each."""
+    up, down, back = peak.copy(), peak.copy(), 1.0 / tilt
+    for m in range(fixed.size):
+        f, above, below = fixed[m], out[h + m], out[h - m]
+        for l in range(size):
+            below[l], above[l] = down[l] * f, up[l] * f
+            up[l] *= tilt[l]
+            down[l] *= back[l]
+
+
+@kernel
+def _crowds(z, rho, alpha, snr, tilts, spread, total, product):
+    """Where a cell has eight particles or more: all at once.  Cells (N,) of the others, else -1."""
+    (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
+    gr, ga, members = np.zeros((2 * hr + 5, 256)), np.zeros((2 * ha + 1, 256)), np.full(256, 0)
+    ratio, many, ones = np.ones(256), np.ones(256), np.ones(256)
+    peak, tr, ta = np.ones(256), np.ones(256), np.ones(256)
+    cell, first, after = _lists(rho, alpha, snr, nr, na, total)
+    for n in first:
+        while n >= 0:
+            here, size = cell[n], 0
+            while n >= 0 and cell[n] == here and size < members.size:
+                members[size], size, n = n, size + 1, after[n]
+            if size < 8:
+                continue
+            top, left, whole = here // na - hr, here % na - ha, np.uint64(size + -size % 8)
+            for l in range(whole):  # the last ones, up to a multiple of 8, only fill the vectors
+                m = np.uint64(members[l])
+                peak[l], tr[l], ta[l] = snr[m] * tilts[0, m], tilts[1, m], tilts[2, m]
+                ratio[l], many[l] = 0.0, 1.0
+            _lanes(gr, hr, peak, tr, fr, whole)
+            _lanes(ga, ha, ones, ta, fa, whole)
+            end = min(top + 2 * hr + 1, nr)
+            gr[end - top : 2 * hr + 1] = 0.0
+            for i in range(max(top, 0), end, 5):
+                row, m = _five_rows(i, end - 1), i - top
+                g = gr[m], gr[m + 1], gr[m + 2], gr[m + 3], gr[m + 4]
+                for j in range(max(left, 0), min(left + 2 * ha + 1, na)):
+                    k, h = np.uint64(j), ga[j - left]
+                    five = z[row[0], k], z[row[1], k], z[row[2], k], z[row[3], k], z[row[4], k]
+                    for l in range(whole):
+                        gs = g[0][l], g[1][l], g[2][l], g[3][l], g[4][l]
+                        a, b = _five_cells(five, gs, h[l])
+                        ratio[l] += a / b
+                        many[l] *= b
+            for l in range(size):
+                m = np.uint64(members[l])
+                if many[l] < 1e300:  # else alone, with care
+                    total[m], product[m], cell[m] = ratio[l], many[l], -1
+    return cell
 
 
 def cell_power_spec(z, rho, alpha):
@@ -510,53 +554,52 @@ def patch_fit(z, rho, alpha, spread):
 @kernel
 def _patch_fit(z, rho, alpha, tilts, spread):
     (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
-    gr, ga, column = np.zeros(2 * hr + 1), np.zeros(2 * ha + 1), np.empty(2 * ha + 1)
-    out = np.zeros((2, rho.size))
+    gr, ga, out = np.zeros(2 * hr + 1), np.zeros(2 * ha + 1), np.zeros((2, rho.size))
     for n in range(rho.size):
         if not _inside(rho[n], alpha[n], nr, na):
             continue
         top, left = int(rho[n] + 0.5) - 1 - hr, int(alpha[n] + 0.5) - 1 - ha
         _gaussian(gr, hr, tilts[0, n], tilts[1, n], fr)
         _gaussian(ga, ha, 1.0, tilts[2, n], fa)
-        lo, hi = max(left, 0), min(left + ga.size, na)
-        column[:] = energy_r = energy_a = 0.0
+        fit = energy = 0.0
         for i in range(max(top, 0), min(top + gr.size, nr)):
-            g = gr[i - top]
-            energy_r += g * g
-            row = z[i, lo:hi]
-            for k in range(row.size):
-                column[k] += g * (row[k] - 1.0)
-        for k in range(hi - lo):
-            g = ga[k + lo - left]
-            energy_a += g * g
-            out[0, n] += g * column[k]
-        out[1, n] = energy_r * energy_a
+            for j in range(max(left, 0), min(left + ga.size, na)):
+                h = gr[np.uint64(i - top)] * ga[np.uint64(j - left)]
+                fit += h * (z[np.uint64(i), np.uint64(j)] - 1.0)
+                energy += h * h
+        out[0, n], out[1, n] = fit, energy
     return out
 
 
 # One amplitude for the whole patch
 
-_BESSEL_CELLS, _BESSEL_END = 64, 32  # knots per unit of x, last knot
+_KNOTS, _END = 64, 32  # knots per unit of x, last x
 
 
+@cache
 def _bessel_table():
-    """log I0 and its slope per knot, on the knots of :func:`_log_bessel`; (n, 2)."""
-    x = np.arange(_BESSEL_END * _BESSEL_CELLS + 2) / _BESSEL_CELLS
-    return np.column_stack((np.log(i0e(x)) + x, i1e(x) / i0e(x) / _BESSEL_CELLS))
+    """Coefficients (n, 4) of log I0 between knots: cubic Hermite, error below 1e-10."""
+    from scipy.interpolate import CubicHermiteSpline  # needed only here
+
+    x = np.arange(_END * _KNOTS + 1) / _KNOTS
+    return CubicHermiteSpline(x * _KNOTS, np.log(i0e(x)) + x, i1e(x) / i0e(x) / _KNOTS).c.T.copy()
 
 
 @kernel
 def _log_bessel(x, table):
-    """log I0(x), x >= 0: cubic Hermite (error below 1e-10), beyond the table a series (1e-8)."""
-    if not x < _BESSEL_END:
-        t = 1.0 / (8.0 * x)
-        series = 1.0 + t * (1.0 + t * (4.5 + t * (37.5 + t * 459.375)))
-        return x - 0.5 * math.log(2.0 * math.pi * x) + math.log(series)
-    m = int(x * _BESSEL_CELLS)
-    u, i, j = x * _BESSEL_CELLS - m, np.uint64(m), np.uint64(m + 1)
-    f, df, dg = table[i, 0], table[i, 1], table[j, 1]
-    rise = table[j, 0] - f
-    return f + u * (df + u * (3.0 * rise - 2.0 * df - dg + u * (df + dg - 2.0 * rise)))
+    """log I0(x), x >= 0: by the table, beyond it by a series (1e-8)."""
+    if x < _END:
+        return _cubic(x, table)
+    t = 1.0 / (8.0 * x)
+    series = 1.0 + t * (1.0 + t * (4.5 + t * (37.5 + t * 459.375)))
+    return x - 0.5 * math.log(2.0 * math.pi * x) + math.log(series)
+
+
+@kernel
+def _cubic(x, table):
+    i = np.uint64(x * _KNOTS)
+    u = x * _KNOTS - i
+    return table[i, 3] + u * (table[i, 2] + u * (table[i, 1] + u * table[i, 0]))
 
 
 def coherent_log_ratio_spec(z, rho, alpha, snr, spread):
@@ -587,25 +630,27 @@ def _coherent(z, rho, alpha, snr, tilts, spread, step, table):
         cells, energy = 0, 1.0 / snr[n]
         for i in range(max(top, 0), min(top + gr.size, nr)):
             for j in range(max(left, 0), min(left + ga.size, na)):
-                h = gr[i - top] * ga[j - left]
+                h = gr[np.uint64(i - top)] * ga[np.uint64(j - left)]
                 x[cells] = 2.0 * h * math.sqrt(z[i, j])
                 energy, cells = energy + h * h, cells + 1
         # integral of 2 b / snr exp(-b**2 energy) prod I0(b x) over the amplitude b: midpoint rule,
         # with the slope at b = 0
-        width = step / math.sqrt(energy)
+        width, most = step / math.sqrt(energy), x[:cells].max()
         b, best, total = 0.5 * width, -np.inf, 0.0
         while True:
-            term = math.log(2.0 * b * width / snr[n]) - b * b * energy
+            term = -b * b * energy
+            within = b * most < _END
             for c in range(cells):
-                term += _log_bessel(b * x[c], table)
+                term += _cubic(b * x[c], table) if within else _log_bessel(b * x[c], table)
             if term > best:
-                total, best = total * math.exp(best - term) + 1.0, term
+                total, best = total * math.exp(best - term) + b, term
             else:
-                total += math.exp(term - best)
+                total += b * math.exp(term - best)
                 if not term >= best - 20.0:  # a NaN ends it too
                     break
             b += width
-        out[n] = best + math.log(total - width * width / (12.0 * snr[n]) * math.exp(-best))
+        total -= width / 24.0 * math.exp(-best)
+        out[n] = best + math.log(2.0 * width / snr[n] * total)
     return out
 
 

@@ -133,11 +133,19 @@ def end_with_parent(parent):
 def end(processes):
     """End processes: ask, wait, kill."""
     for act in (psutil.Process.terminate, psutil.Process.kill):
-        processes = [process for process in processes if process.is_running()]
         for process in processes:
             with contextlib.suppress(psutil.NoSuchProcess):
                 act(process)
-        _, processes = psutil.wait_procs(processes, timeout=NOTICE)
+        until = time.monotonic() + NOTICE
+        while (processes := list(filter(_runs, processes))) and time.monotonic() < until:
+            time.sleep(0.01)
+
+
+def _runs(process):
+    """Whether a process has not ended; a zombie has, whenever its parent may take note of it."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    return False
 
 
 @contextlib.contextmanager

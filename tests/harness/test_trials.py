@@ -1,11 +1,15 @@
 """Monte Carlo: the same bits whoever computes them, and errors that say which trial."""
 
 import itertools
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import psutil
 import pytest
 
 from tbdcore.repro import trials
@@ -208,3 +212,23 @@ def test_shares_cover_all_trials_once_and_become_shorter(n, workers):
     assert lengths == sorted(lengths, reverse=True)
     assert lengths[0] <= max(1, n / (2 * workers))
     assert lengths[-min(n, workers) :] == [1] * min(n, workers)
+
+
+def test_a_process_that_has_ended_is_not_waited_for(monkeypatch):
+    """A zombie, whose parent takes no note of it: without a look at its status this would hang."""
+    monkeypatch.setattr(trials, "NOTICE", 1e6)
+    with subprocess.Popen([sys.executable, "-c", ""], stdout=subprocess.PIPE) as child:
+        child.stdout.read()  # until it ends
+        process = psutil.Process(child.pid)
+        while process.status() != psutil.STATUS_ZOMBIE:
+            time.sleep(0.01)
+        trials.end([process])
+
+
+def test_a_process_that_does_not_listen_is_killed(monkeypatch):
+    monkeypatch.setattr(trials, "NOTICE", 0.05)
+    deaf = "import signal, time; signal.signal(15, 1); print(flush=True); time.sleep(99)"
+    with subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE) as child:
+        child.stdout.readline()
+        trials.end([psutil.Process(child.pid)])
+        assert child.wait(timeout=60) == -9

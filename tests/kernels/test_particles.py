@@ -22,11 +22,6 @@ def test_normalise_refuses_in_one_line(lw):
     assert "\n" not in str(error.value)
 
 
-def test_effective_size_counts_equal_weights():
-    assert particles.effective_size(np.full(8, 1 / 8)) == pytest.approx(8)
-    assert particles.effective_size(np.array([0.5, 0.5, 0.0, 0.0])) == pytest.approx(2)
-
-
 def test_resampling_is_unbiased():
     """Averaged over the offset, particle n has M W[n] copies: the integral over u, exactly, at all
     its jumps.
@@ -104,7 +99,7 @@ def test_history_travels_with_the_particle():
     paths = [() for _ in range(N + births)]
     for k in range(13):
         code = rng.random(N + births)
-        particles.record(H, age, k, code[None])
+        H[k % window], age[:] = code, age + 1
         paths = [(*path, c) for path, c in zip(paths, code, strict=True)]
         ancestors = particles.systematic(rng.random(N + births) ** 4, N, rng.random())
         H, age = particles.inherit(H, age, ancestors, births)
@@ -123,10 +118,6 @@ def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
     assert older.tolist() == [7, 7, 0, 0]
     assert (H == 1).all()
     assert (age == 7).all()
-
-
-def test_distinct_counts_sorted_labels():
-    assert [particles.distinct(np.array(v)) for v in ([], [3], [1, 1, 2, 5, 5])] == [0, 1, 3]
 
 
 @pytest.mark.parametrize(("regime", "ancestor"), [(3, 0), (-1, 0), (0, 2), (0, -1)])

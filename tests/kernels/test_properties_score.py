@@ -83,7 +83,6 @@ ONE = np.zeros((1, 2))
         ("loss_onsets", (np.zeros((3, 1, 2)), 0.0, 1), "distance > 0"),
         ("kept_rmse", (np.zeros((3, 2, 1, 2)), np.ones((2, 1), bool)), "kept"),
         ("kept_rmse", (np.zeros((0, 2, 1, 2)), np.ones((0, 1), bool)), "kept"),
-        ("influence_error", (np.zeros((0, 2)),), "no trial"),
     ],
 )
 def test_nonsense_is_refused_in_one_line(function, args, words):

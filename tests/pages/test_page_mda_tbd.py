@@ -374,7 +374,11 @@ def test_an_own_cell_average_at_the_true_place_is_low_by_the_straddle_floor():
         z, x = scene(p, 40 + i), page.target(p)
         i_, j_ = (np.floor(c + 0.5) for c in sensor.polar_cells(x[14:, 0], x[14:, 2], p.grid))
         kept.append(z[np.arange(14, 200), i_.astype(int) - 1, j_.astype(int) - 1] - p.noise)
-    expected = sensor.straddle(p.psf) * p.P_tar
+    u = (np.arange(4000) + 0.5) / 4000 - 0.5
+    share = math.prod(np.exp(-decay * u**2).mean() for decay in p.psf[:2])
+    closed = (math.sqrt(math.pi / l) * math.erf(0.5 * math.sqrt(l)) for l in p.psf[:2])
+    assert share == pytest.approx(math.prod(closed), rel=1e-6)  # the page's floor is 1 - share
+    expected = share * p.P_tar
     assert np.mean(kept) == pytest.approx(expected, abs=4 * (p.P_tar + p.noise) / math.sqrt(372))
 
 
