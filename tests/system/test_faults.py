@@ -67,8 +67,8 @@ FAULTS = [
     Plant(
         "amplitude taken for power",
         "tbdcore/sensor.py",
-        "z[k][near] = s + v2 + 2.0 * np.sqrt(s * v2)",
-        "z[k][near] = s + v2 + 2.0 * (s * v2)",
+        "v2[:] = s + v2 + 2.0 * np.sqrt(s * v2)",
+        "v2[:] = s + v2 + 2.0 * (s * v2)",
         "kernels/test_sensor.py::test_illuminated_cells_are_exponential_with_the_right_mean",
     ),
     Plant(
