@@ -648,3 +648,17 @@ def test_a_cloud_that_leaves_altogether_starts_anew_without_a_target():
     rho, alpha = sensor.polar_cells(after.S[0], after.S[2], SMALL.grid)
     assert ((rho >= 0.5) & (rho < 500.5) & (alpha >= 0.5) & (alpha < 90.5)).all()
     assert page.step(after, estimate.existence, z, 11, SMALL, rng(24))[1].existence < 0.1
+
+
+def test_founders_are_numbered_in_the_order_of_birth():
+    """So that survivors of one birth stand together, and their number is that of the changes."""
+    p = replace(page.Scenario(), N=60, B=20)
+    z, rng = scene(p, 3)[:40], np.random.default_rng(1)
+    cloud, existence = page.start(p, rng), 0.0
+    for k, frame in enumerate(z):
+        cloud, estimate = page.step(cloud, existence, frame / p.noise, k, p, rng)
+        existence = estimate.existence
+        assert (np.diff(cloud.founder) >= 0).all()
+        assert estimate.founders == len(set(cloud.founder.tolist()))
+        assert cloud.founder.max() < p.N + (k + 1) * p.B
+    assert cloud.founder.min() >= p.N, "nobody is left of the first cloud"
