@@ -410,13 +410,13 @@ def _five_cells(z, g, h):
 
 @kernel
 def _power_log_ratio(z, rho, alpha, snr, tilts, spread):
-    """The loops: sums (N,) of z s / (1 + s), s = snr h**2, and products (N,) of 1 + s."""
+    """Sums (N,) of z s / (1 + s), s = snr h**2, and products (N,) of 1 + s, no logarithm yet."""
     (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
     gr, ga = np.zeros(2 * hr + 5), np.zeros(2 * ha + 1)
     total, product = np.zeros(rho.size), np.ones(rho.size)
     part, den = np.empty(ga.size), np.empty(ga.size)
     cell = _crowds(z, rho, alpha, snr, tilts, spread, total, product)
-    for n in range(rho.size):
+    for n in range(rho.size):  # the others, one by one
         if cell[n] < 0:
             continue
         top, left = cell[n] // na - hr, cell[n] % na - ha
@@ -473,7 +473,7 @@ def _crowds(z, rho, alpha, snr, tilts, spread, total, product):
     """Where a cell has eight particles or more: all at once.  Cells (N,) of the others, else -1."""
     (nr, na), (_, _, hr, ha), (fr, fa) = z.shape, spread, _decays(spread)
     gr, ga, members = np.zeros((2 * hr + 5, 256)), np.zeros((2 * ha + 1, 256)), np.full(256, 0)
-    ratio, many, ones = np.ones(256), np.ones(256), np.ones(256)
+    ratio, many, ones = np.ones(256), np.ones(256), np.ones(256)  # of 256 particles at once
     peak, tr, ta = np.ones(256), np.ones(256), np.ones(256)
     cell, first, after = _lists(rho, alpha, snr, nr, na, total)
     for n in first:
@@ -597,6 +597,7 @@ def _log_bessel(x, table):
 
 @kernel
 def _cubic(x, table):
+    """log I0(x), x below the last of the table."""
     i = np.uint64(x * _KNOTS)
     u = x * _KNOTS - i
     return table[i, 3] + u * (table[i, 2] + u * (table[i, 1] + u * table[i, 0]))
