@@ -662,3 +662,9 @@ def test_founders_are_numbered_in_the_order_of_birth():
         assert estimate.founders == len(set(cloud.founder.tolist()))
         assert cloud.founder.max() < p.N + (k + 1) * p.B
     assert cloud.founder.min() >= p.N, "nobody is left of the first cloud"
+
+
+def test_the_defaults_of_a_scenario_for_own_frames():
+    named = {"a_min": 0.0, "sd_r": 1.0, "sd_a": 1.0, "noise": 1.0}
+    short = page.scenario(8, 6, dr=5.0, da=0.01, r_min=100.0)
+    assert short == page.scenario(8, 6, dr=5.0, da=0.01, r_min=100.0, **named)
