@@ -310,13 +310,6 @@ def digits(value, se=0.0):
     return f"{value:.{max(0, 1 - math.floor(math.log10(se)))}f}"
 
 
-def given(default, symbol, unit="", row="open"):
-    """A field of a scenario's frozen dataclass: its value, its letter in the paper (TeX without
-    dollars), its unit, and the id of the row that prints it, or "open" where the paper is silent.
-    """
-    return dataclasses.field(default=default, metadata={"symbol": symbol, "unit": unit, "row": row})
-
-
 class Ledger:
     """The verdicts of one paper, entered one by one and closed when complete.
 
@@ -397,7 +390,7 @@ class Ledger:
         return self._enter(claim, shown, verdict="used" if same else "differs")
 
     def inputs(self, scenario):
-        """Enter every field of a frozen dataclass made with :func:`given`; the symbol table."""
+        """Enter every field of a frozen dataclass made with :func:`tbdcore.scenario.given`; the symbol table."""
         import pandas as pd
 
         table = []

@@ -11,7 +11,8 @@ import tiny
 from scipy import stats
 
 from tbdcore.repro import claims, paths
-from tbdcore.repro.claims import Ledger, given
+from tbdcore.repro.claims import Ledger
+from tbdcore.scenario import given
 
 HEADER = ",".join(claims.COLUMNS)
 GOOD = [

@@ -9,7 +9,7 @@ import tomllib
 
 import pytest
 
-from tbdcore.repro import paths
+from tbdcore.repro import pages, paths
 
 FOLDERS = {".ci", "benchmarks", "data", "docs", "figures", "notebooks", "tbdcore", "tests"}
 FILES = {
@@ -32,8 +32,13 @@ def imports(module):
     """Packages that a module imports, and the modules of this package among them, wherever in the
     file.
     """
+    return imports_of((paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8"))
+
+
+def imports_of(text):
+    """Packages that a source imports, and the modules of this package among them."""
     packages, own = set(), set()
-    for node in ast.walk(ast.parse((paths.PACKAGE / f"{module}.py").read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(text)):
         names = (
             [alias.name for alias in node.names]
             if isinstance(node, ast.Import | ast.ImportFrom)
@@ -88,6 +93,14 @@ def test_the_harness_imports_no_physics(module):
     assert known <= {"score"} or module == "doctor"  # its self-test runs a kernel
     if module != "figures":
         assert "matplotlib" not in packages, "only figures draws"
+
+
+@pytest.mark.parametrize("paper", pages.papers())
+def test_an_algorithm_imports_nothing_of_the_harness(paper):
+    text = "\n".join(pages.cells(paper, "algorithm"))
+    packages, own = imports_of(text)
+    assert packages <= {*NUMBERS, *sys.stdlib_module_names}
+    assert own <= set(CORE)
 
 
 def test_importing_a_numerical_module_does_not_load_the_harness():

@@ -468,7 +468,7 @@ def test_the_manual_names_shapes_units_and_what_comes_back(page):
     ],
 )
 def test_a_scenario_that_cannot_be_meant_is_refused_in_one_line(p, change, word):
-    with pytest.raises(ValueError, match=f"^{word}: ") as error:
+    with pytest.raises(ValueError, match=rf"^(Params\.)?{word}: ") as error:
         replace(p, **change)
     assert "\n" not in str(error.value)
 

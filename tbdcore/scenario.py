@@ -1,0 +1,172 @@
+r"""Scenarios: frozen dataclasses whose fields carry letter, unit, source and limits.
+
+    @dataclass(frozen=True)
+    class Scenario:
+        K: int = given(11, "K", "frames", low=1)
+        a: float = given(0.95, "a", low=ABOVE_ZERO, high=1)
+        grid: tuple[int, int] = given((50, 50), r"N_x \times N_y", "cells", low=2)
+        snr_db: tuple[float, ...] = given((3, 4, 5), r"\mathrm{SNR}", "dB")
+        metric: str = given("chebyshev", r"|\cdot|", choices=("chebyshev", "euclidean"))
+        __post_init__ = check
+
+The annotation says what a field takes: int, float (any real number), bool, str, another class, or
+several of them joined by ``|``.  A tuple has the shape of its default, with ``...`` any length; of
+an empty default, any shape.  ``np.ndarray`` takes numbers of any shape.  None is accepted where it
+is the default.  Limits are inclusive; an open interval ends at the next number, such as ABOVE_ZERO
+or BELOW_ONE.  A number without limits is finite; an infinite limit admits infinity.
+"""
+
+import dataclasses
+import functools
+import math
+import reprlib
+import sys
+import types
+import typing
+from difflib import get_close_matches
+
+import numpy as np
+
+ABOVE_ZERO, BELOW_ONE = math.ulp(0.0), 1 - 2**-53  # the numbers next to 0 and to 1
+_LARGEST = sys.float_info.max
+
+
+class _Field(typing.NamedTuple):
+    name: str
+    kinds: tuple
+    default: object
+    low: float
+    high: float
+    choices: tuple
+
+
+def given(
+    default=dataclasses.MISSING, symbol="", unit="", row="open", low=None, high=None, choices=()
+):
+    """A field of a scenario: its default, its letter in the paper (TeX without dollars), its unit,
+    the id of the claim that prints it ("open" where the paper is silent), and what it may be:
+    numbers from `low` to `high`, words of `choices`.
+    """
+    about = {"symbol": symbol, "unit": unit, "row": row}
+    about |= {"low": low, "high": high, "choices": tuple(choices)}
+    return dataclasses.field(default=default, metadata=about)
+
+
+def check(scenario):
+    """Raise ValueError, in one line, for the first field that is not what :func:`given` allows.
+
+    A default that is outside its own limits is refused too, when the class is first used.
+    """
+    kind = type(scenario)
+    for field in _fields(kind):
+        value = getattr(scenario, field.name)
+        if not _allowed(value, field):
+            raise ValueError(f"{kind.__name__}.{field.name}: {_complaint(value, field)}")
+        if dataclasses.is_dataclass(value):
+            check(value)
+
+
+@functools.cache
+def _fields(kind):
+    """The fields of a class that were made by `given`; ValueError for a default that is wrong."""
+    hints, fields = typing.get_type_hints(kind), []
+    for field in dataclasses.fields(kind):
+        if "choices" not in field.metadata:
+            continue
+        hint, about = hints[field.name], field.metadata
+        kinds = hint.__args__ if isinstance(hint, types.UnionType) else (hint,)
+        limits = about["low"], about["high"], about["choices"]
+        made = _Field(field.name, kinds, field.default, *limits)
+        if made.default is not dataclasses.MISSING and not _allowed(made.default, made):
+            wrong = _complaint(made.default, made)
+            raise ValueError(f"{kind.__name__}.{field.name}: its default {wrong}")
+        fields.append(made)
+    return fields
+
+
+def _allowed(value, field):
+    if value is None and field.default is None:
+        return True
+    return any(_fits(value, kind, field) for kind in field.kinds)
+
+
+def _fits(value, kind, field):
+    """Whether a value is of a kind, and within the limits or choices of its field."""
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    if kind is str:
+        return isinstance(value, str) and (value in field.choices or not field.choices)
+    if not _is_number(kind):
+        return isinstance(value, kind)
+    try:
+        a = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        return False
+    masked = isinstance(value, np.ma.MaskedArray)  # its mask would be lost
+    return (
+        not masked and _has_shape(value, a.shape, kind, field.default) and _inside(a, kind, field)
+    )
+
+
+def _is_number(kind):
+    return kind in (int, float, tuple, np.ndarray) or typing.get_origin(kind) is tuple
+
+
+def _has_shape(value, shape, kind, default):
+    if kind in (int, float):
+        return shape == () and not isinstance(value, np.ndarray)
+    if kind is np.ndarray or np.size(default) == 0:
+        return shape != ()
+    if ... in typing.get_args(kind):
+        return len(shape) > 0 and shape[0] > 0 and shape[1:] == np.shape(default)[1:]
+    return shape == np.shape(default)
+
+
+def _inside(a, kind, field):
+    """Whether all numbers of an array are of a kind and within the limits; NaN is not."""
+    whole = _is_whole(kind)
+    if a.dtype.kind not in ("iu" if whole else "iuf"):
+        return a.size == 0
+    low = field.low if field.low is not None else -(2**63) if whole else -_LARGEST
+    high = field.high if field.high is not None else 2**63 - 1 if whole else _LARGEST
+    a = a if whole else a.astype(float)  # in float32 the limits would be rounded
+    return bool(((a >= low) & (a <= high)).all())
+
+
+def _is_whole(kind):
+    return int in (kind, *typing.get_args(kind))
+
+
+def _complaint(value, field):
+    """What a value is, and what to give instead."""
+    shown = " ".join(reprlib.repr(value).split())
+    if isinstance(value, str) and str in field.kinds:
+        near = get_close_matches(value, field.choices, n=1, cutoff=0.0)
+        return f"{shown} is unknown; the nearest is {near[0]!r} of {', '.join(field.choices)}"
+    return f"{shown}; give {' or '.join(_words(kind, field) for kind in field.kinds)}"
+
+
+def _words(kind, field):
+    """What a field of a kind takes, in words."""
+    if kind is bool:
+        return "True or False"
+    if kind is str:
+        return f"one of {', '.join(field.choices)}" if field.choices else "a text"
+    if not _is_number(kind):
+        return f"a {kind.__name__}"
+    noun, limits = "integer" if _is_whole(kind) else "number", _limits(field.low, field.high)
+    if kind in (int, float):
+        return f"a{'n' if noun == 'integer' else ''} {noun} {limits}"
+    if kind is np.ndarray or ... in typing.get_args(kind) or np.size(field.default) == 0:
+        return f"{noun}s {limits}"
+    return f"{' x '.join(map(str, np.shape(field.default)))} {noun}s {limits}"
+
+
+def _limits(low, high):
+    if low is high is None:
+        return "that is finite"
+    left = "(0" if low == ABOVE_ZERO else "(-inf" if low is None else f"[{low:g}"
+    if high is None:
+        return f"in {left}, inf)"
+    is_open = float(f"{high:.15g}") > high  # just below a short number
+    return f"in {left}, {high:g}{')' if is_open else ']'}"
