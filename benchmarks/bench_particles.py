@@ -108,7 +108,7 @@ def kernels():
 def trials():
     """Filters of the page and the seconds that a trial of theirs may take."""
     page = tbdcore.page("mm_pf_tbd")
-    improved = page.Params()
+    improved = page.Scenario()
     z = page.simulate(page.Scene(), np.random.default_rng(2))
     yield "classic, 2000", page, page.run, replace(improved, M_new=0), z, 10e-3
     yield "improved, 2000 + 2000", page, page.run, improved, z, 25e-3

@@ -23,7 +23,7 @@ def streams(paper, seed, i):
 def dp_tbd(seed, i):
     """Cells and energies of the three algorithms, in single precision as in the experiments."""
     page, (truth, noise, _) = tbdcore.page("dp_tbd"), streams("dp_tbd", seed, i)
-    p = page.Params()
+    p = page.Scenario()
     cells = page.truth(0.2, page.start(p, truth), p, truth)[1]
     frames = noise.standard_normal((p.K, *p.grid), dtype=np.float32)
     tracks = page.run(sensor.point_frames(frames, cells, sensor.point_amplitude(9.0)), p)
@@ -34,7 +34,7 @@ def mm_pf_tbd(seed, i):
     """Every curve of the proposed filter."""
     page, (_, noise, choice) = tbdcore.page("mm_pf_tbd"), streams("mm_pf_tbd", seed, i)
     return numbers(
-        page.run(page.simulate(page.Scene(), noise), page.Params(M=500, M_new=500), choice)
+        page.run(page.simulate(page.Scene(), noise), page.Scenario(M=500, M_new=500), choice)
     )
 
 

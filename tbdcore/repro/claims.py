@@ -390,7 +390,7 @@ class Ledger:
         return self._enter(claim, shown, verdict="used" if same else "differs")
 
     def inputs(self, scenario):
-        """Enter every field of a frozen dataclass made with :func:`tbdcore.scenario.given`; the symbol table."""
+        """Enter every field of a dataclass made by ``tbdcore.scenario.given``; the symbol table."""
         import pandas as pd
 
         table = []

@@ -16,7 +16,7 @@ LOUD = 1.4  # times the noise that the page is told
 @pytest.fixture(scope="module")
 def dp():
     page, rng = tbdcore.page("dp_tbd"), np.random.default_rng(0)
-    p = page.Params(K=8, grid=(40, 64), M=2, mean=0.0, sigma2=1.0)
+    p = page.Scenario(K=8, grid=(40, 64), M=2, mean=0.0, sigma2=1.0)
     threshold = page.threshold(page.noise_maxima(p, 200, rng), 0.05)
     return lambda z: page.detect(z, p, threshold)
 
@@ -71,7 +71,7 @@ def test_01_follows_the_stronger_of_two(dp, seed):
 
 def test_01_declares_power_without_a_target_as_often_as_was_allowed():
     page, rng = tbdcore.page("dp_tbd"), np.random.default_rng(0)
-    p, power = page.Params(K=8, grid=(20, 20), M=2, mean=1.0), (8, 20, 20)
+    p, power = page.Scenario(K=8, grid=(20, 20), M=2, mean=1.0), (8, 20, 20)
     peaks = page.noise_maxima(p, 200, rng, noise=lambda rng: rng.standard_exponential(power))
     threshold = page.threshold(peaks, 0.05)
     declared = [page.detect(rng.standard_exponential(power), p, threshold) for _ in range(100)]
@@ -116,7 +116,7 @@ def blobs(page, seed, case):
     if case == "gap":
         z[25] = 0.0
     scene = page.Scene(nx=40, ny=30, blur=0.6, noise=2.3, amplitude=18.0)
-    result = page.run(z, page.Params(M=3200, M_new=3200, scene=scene), rng)
+    result = page.run(z, page.Scenario(M=3200, M_new=3200, scene=scene), rng)
     return result, np.hypot(result.s[:, 0] - x, result.s[:, 2] - y)
 
 

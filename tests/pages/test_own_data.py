@@ -74,7 +74,7 @@ def test_both_boats_keep_their_tracks(example):
 
 
 MADE = {
-    "dp_tbd": ("Params", "K grid M mean sigma2"),
+    "dp_tbd": ("Scenario", "K grid M mean sigma2"),
     "mm_pf_tbd": ("Scene", "nx ny blur noise amplitude"),
     "mda_tbd": ("scenario", "nr na dr da r_min sd_r sd_a noise"),
     "track_cfar": ("Scenario", "scan bandwidth beamwidth sigma_p"),
@@ -94,7 +94,7 @@ def use(paper, page, made, rng):
     if paper == "dp_tbd":
         return page.detect(rng.standard_normal((8, 40, 64)), made, 3.0)
     if paper == "mm_pf_tbd":
-        p = page.Params(M=100, M_new=100, scene=made)
+        p = page.Scenario(M=100, M_new=100, scene=made)
         return page.run(rng.standard_normal((5, 40, 30)), p, rng)
     if paper == "mda_tbd":
         return page.run(rng.standard_exponential((20, 64, 48)), made, rng)

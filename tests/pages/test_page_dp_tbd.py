@@ -25,7 +25,7 @@ def page():
 
 @pytest.fixture(scope="module")
 def p(page):
-    return page.Params()
+    return page.Scenario()
 
 
 # The scenario -------------------------------------------------------------------------------------
@@ -345,7 +345,7 @@ def test_following_implies_finding(page, p):
 
 @pytest.fixture(scope="module")
 def own(page):
-    return page.Params(K=5, grid=(9, 14), M=2, mean=1.0, sigma2=1.0)
+    return page.Scenario(K=5, grid=(9, 14), M=2, mean=1.0, sigma2=1.0)
 
 
 def noise(rng):
@@ -468,7 +468,7 @@ def test_the_manual_names_shapes_units_and_what_comes_back(page):
     ],
 )
 def test_a_scenario_that_cannot_be_meant_is_refused_in_one_line(p, change, word):
-    with pytest.raises(ValueError, match=rf"^(Params\.)?{word}: ") as error:
+    with pytest.raises(ValueError, match=rf"^(Scenario\.)?{word}: ") as error:
         replace(p, **change)
     assert "\n" not in str(error.value)
 
@@ -501,7 +501,7 @@ def test_frames_that_do_not_fit_are_refused_in_one_line(page, p, z, word):
 
 def test_what_is_no_scenario_generator_or_noise_is_refused_in_one_line(page, own):
     rng = np.random.default_rng(0)
-    with pytest.raises(ValueError, match=r"^p: give Params\(...\)$"):
+    with pytest.raises(ValueError, match=r"^p: give Scenario\(...\)$"):
         page.run(np.zeros((3, 50, 50)), None)
     for wrong in ((None, None), (rng, np.zeros((5, 9, 14)))):
         with pytest.raises(ValueError, match="^rng: give .*; noise: a function of rng$"):
@@ -516,7 +516,7 @@ def test_the_weighted_set_reaches_every_direction_with_one_speed_more(page):
     z[k, 19 + k, 19 + k] = 5.0
     values = {}
     for M in (1, 2):
-        p = page.Params(K=12, grid=(50, 50), M=M)
+        p = page.Scenario(K=12, grid=(50, 50), M=M)
         values[M] = [page.run(frames, p).weighted.value for frames in (z, z[:, ::-1, ::-1])]
     assert values[1][0] == pytest.approx(60.0, rel=1e-5)
     assert values[1][1] < 40.0

@@ -518,8 +518,14 @@ def test_scans_may_be_empty_and_of_any_number():
         ({"gamma": -1.0}, r"^Setup\.gamma: "),
         ({"snr": -1.0}, r"^Setup\.snr: -1.0; give a number in \[0, 1e\+10\] or"),
         ({"tau": -1.0}, r"^Setup\.tau: -1.0; give a number in \[0, inf\)$"),
-        ({"clutter": 0.0}, r"^Setup\.clutter: 0.0; give a number in \(0, inf\) or one of estimate$"),
-        ({"clutter": "estimated"}, r"^Setup\.clutter: 'estimated' is unknown; the nearest is 'estimate'"),
+        (
+            {"clutter": 0.0},
+            r"^Setup\.clutter: 0.0; give a number in \(0, inf\) or one of estimate$",
+        ),
+        (
+            {"clutter": "estimated"},
+            r"^Setup\.clutter: 'estimated' is unknown; the nearest is 'estimate'",
+        ),
         ({"clutter": math.nan}, r"^Setup\.clutter: nan"),
     ],
 )
@@ -708,7 +714,10 @@ def test_the_manual_names_everything():
             {"frames": 60},
             r"^Scenario\.frames: 60; give at least 75 scans for cross$",
         ),
-        ({"frames": 1, "scenario": "print"}, r"^Scenario\.frames: 1; give an integer in \[2, inf\)$"),
+        (
+            {"frames": 1, "scenario": "print"},
+            r"^Scenario\.frames: 1; give an integer in \[2, inf\)$",
+        ),
     ],
 )
 def test_bad_scenarios_are_refused_in_one_line(change, words):

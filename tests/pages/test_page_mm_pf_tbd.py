@@ -32,7 +32,7 @@ def test_the_regimes_of_the_path_are_its_legs(page):
 
 
 def classic(page, **change):
-    return replace(page.Params(M_new=0, M=400), **change)
+    return replace(page.Scenario(M_new=0, M=400), **change)
 
 
 def enumerate_bayes(page, z, p, mix):
@@ -115,7 +115,7 @@ def lattice(page):
         turns=(0.5, 0.0),
     )
     prior = page.Prior(accel=0.0, lattice=states, left=(0.5, 0.5), right=(0.5, 0.5))
-    p = page.Params(scene=short, prior=prior, gate="never")
+    p = page.Scenario(scene=short, prior=prior, gate="never")
     return p, page.simulate(short, np.random.default_rng(2))
 
 
@@ -157,7 +157,7 @@ def test_the_error_falls_with_the_square_root_of_the_particles(page, lattice):
 def test_without_signal_the_filter_is_its_prior(page, new, limit, first):
     """Chain to 1/2, mixed with new particles to 7/30; 40 000 particles, neighbours dependent."""
     blind = page.Scene(amplitude=0.0)
-    p = page.Params(M=40_000, M_new=40_000 * new, scene=blind)
+    p = page.Scenario(M=40_000, M_new=40_000 * new, scene=blind)
     r = page.run(np.zeros((40, 30, 20)), p, np.random.default_rng(5))
     assert np.allclose(r.existence[:2], first, atol=0.008)
     assert r.existence[-1] == pytest.approx(limit, abs=0.02)
@@ -184,7 +184,7 @@ def test_scaling_the_image_and_its_parameters_changes_nothing(page, scene_frames
 def test_a_strong_target_is_found_at_once_and_held(page):
     strong = page.Scene(amplitude=60.0)
     z = page.simulate(strong, np.random.default_rng(8))
-    p = page.Params(M=4000, M_new=1000, scene=strong)
+    p = page.Scenario(M=4000, M_new=1000, scene=strong)
     r = page.bernoulli(z, p, np.random.default_rng(9))
     truth = page.path(strong)[0]
     assert r.declared[7:55].all()
@@ -248,18 +248,18 @@ def test_a_path_may_touch_the_border_and_not_cross_it(page, axis):
 )
 def test_the_threshold_counts_whole_particles(page, M, alive, says):
     rows = [(np.array([M - alive, alive, 0]), np.zeros(5), False, 1.0, 1)]
-    assert page.collect(rows, page.Params(M=M)).declared[0] == says
+    assert page.collect(rows, page.Scenario(M=M)).declared[0] == says
 
 
 def test_a_threshold_of_one_asks_for_every_particle(page):
     rows = [(np.array([20 - n, n, 0]), np.zeros(5), False, 1.0, 1) for n in (19, 20)]
-    assert page.collect(rows, page.Params(M=20, gamma=1)).declared.tolist() == [False, True]
+    assert page.collect(rows, page.Scenario(M=20, gamma=1)).declared.tolist() == [False, True]
 
 
 @pytest.mark.parametrize("weight", [1.0, 0.25])
 def test_new_particles_mix_the_prior_by_their_weight(page, weight):
     """Eq. (13) with the share of the new particles' weight, gate shut, no signal."""
-    p = page.Params(M=40_000, M_new=40_000, weight=weight, gate="never")
+    p = page.Scenario(M=40_000, M_new=40_000, weight=weight, gate="never")
     p = replace(p, scene=page.Scene(amplitude=0.0))
     share, P = weight / (1 + weight), 0.1
     r = page.run(np.zeros((3, 30, 20)), p, np.random.default_rng(5))
@@ -271,16 +271,16 @@ def test_new_particles_mix_the_prior_by_their_weight(page, weight):
 def test_a_window_forgets_what_is_older(page):
     history = [0.9, 0.77, 0.30, 0.20]
     for N, gate, answer in ((3, "absence", True), (4, "absence", False), (3, "existence", False)):
-        assert page.influenced(history, page.Params(N=N, gate=gate)) == answer
-    assert page.influenced([0.43] * 3, page.Params())  # "at most", whatever rounding does
-    assert page.influenced([0.6, 0.7, 0.8], page.Params(gate="existence"))
-    assert not page.influenced([0.43, 0.43, 0.431], page.Params())
+        assert page.influenced(history, page.Scenario(N=N, gate=gate)) == answer
+    assert page.influenced([0.43] * 3, page.Scenario())  # "at most", whatever rounding does
+    assert page.influenced([0.6, 0.7, 0.8], page.Scenario(gate="existence"))
+    assert not page.influenced([0.43, 0.43, 0.431], page.Scenario())
 
 
 @pytest.mark.parametrize("N", [1, 2, 3, 5, 8, 10, 15])
 def test_the_gate_opens_when_enough_zeros_are_in_the_window(page, N):
     """Absence 23/30 until the target appears and 0 after: ceil(N (1 - eta / (23/30))) frames."""
-    p, absence = page.Params(N=N), [23 / 30] * N
+    p, absence = page.Scenario(N=N), [23 / 30] * N
     while not page.influenced(absence, p):
         absence.append(0.0)
     assert len(absence) - N == int(np.ceil(N * (1 - 0.43 * 30 / 23) - 1e-9))
@@ -308,7 +308,7 @@ def test_weights_inside_and_outside_the_frame_are_equation_10(page, size):
     S = np.zeros((400, 5))
     S[:, 0], S[:, 2] = rng.uniform(-3, size[0] + 4, 400), rng.uniform(-3, size[1] + 4, 400)
     r, frame = rng.integers(0, 3, 400), rng.normal(0, s.noise, size)
-    ours = page.log_weights(frame, r, S, page.Params(scene=s))
+    ours = page.log_weights(frame, r, S, page.Scenario(scene=s))
     hand = [log_ratio(frame, S[n, 0], S[n, 2], s) if r[n] else 0.0 for n in range(400)]
     assert np.allclose(ours, hand, rtol=1e-9, atol=1e-9)
 
@@ -376,7 +376,7 @@ def test_two_frames_by_hand(page, scene_frames, weight):
     """Every step without a kernel, from the same random stream; in the second frame the new
     particles follow the estimate of the first.
     """
-    p = page.Params(M=200, M_new=100, eta=0.95, N=2, weight=weight)
+    p = page.Scenario(M=200, M_new=100, eta=0.95, N=2, weight=weight)
     rng = np.random.default_rng(12)
     r = np.repeat([1, 2, 0], rng.multinomial(200, [0.05, 0.05, 0.9]))
     S, absences, s, seen = births_by_hand(200, rng), [0.9], None, []
@@ -409,7 +409,7 @@ def test_the_bernoulli_filter_agrees_with_a_classic_one_of_many_particles(page):
     )  # fmt: skip
     z = page.simulate(s, np.random.default_rng(13))
     q = page.Prior(x=(0, 7), y=(0, 6), vx=(-1, 1), vy=(-1, 1))
-    p = page.Params(scene=s, prior=q)
+    p = page.Scenario(scene=s, prior=q)
     pairs = (
         (page.run, replace(p, M=60_000, M_new=0), 5),
         (page.bernoulli, replace(p, M=1500, M_new=400), 50),
@@ -427,7 +427,7 @@ def test_births_weigh_prior_over_proposal(page):
     """Nine in ten births by the root of the ratio (10) of their cell, one in ten by the prior."""
     s, q = page.Scene(nx=6, ny=5), page.Prior(x=(0, 7), y=(0.25, 6))
     frame = np.random.default_rng(24).normal(0, s.noise, (6, 5))
-    p = page.Params(scene=s, prior=q)
+    p = page.Scenario(scene=s, prior=q)
     S, over = page.map_births(frame, 4000, page.grid(s), p, np.random.default_rng(25))
     ratio = np.array(
         [[np.exp(log_ratio(frame, i, j, s)) for j in range(1, 6)] for i in range(1, 7)]
@@ -444,7 +444,7 @@ def test_births_weigh_prior_over_proposal(page):
 
 def test_the_regime_of_a_birth_does_not_know_its_place(page, scene_frames):
     S, over = page.map_births(
-        scene_frames[9], 4000, page.grid(page.Scene()), page.Params(), np.random.default_rng(15)
+        scene_frames[9], 4000, page.grid(page.Scene()), page.Scenario(), np.random.default_rng(15)
     )
     r = page.birth_regimes(4000, np.array([0.05, 0.05]), np.random.default_rng(16))
     assert abs(np.corrcoef(r, S[:, 0])[0, 1]) < 5 / np.sqrt(4000)
@@ -456,25 +456,25 @@ def test_the_regime_of_a_birth_does_not_know_its_place(page, scene_frames):
 
 def test_a_scene_needs_no_path_and_births_lie_over_its_frame(page):
     s = page.Scene(nx=64, ny=48)
-    p = page.Params(scene=s)
+    p = page.Scenario(scene=s)
     assert (p.prior.x, p.prior.y) == ((0.5, 64.5), (0.5, 48.5))
     S = page.draw_states(4000, p.prior, np.random.default_rng(17))
     assert S[:, 0].max() > 63
     assert S[:, 2].max() > 47
-    assert page.Params().prior == page.Prior()  # the paper's own, with its y up to 25
+    assert page.Scenario().prior == page.Prior()  # the paper's own, with its y up to 25
 
 
 def test_what_is_just_within_its_limits_is_taken(page):
-    page.Params(M=1, M_new=0, N=1, spread=(0.0, 0.0), prior=page.Prior(x=(1, 30), y=(1, 20)))
-    page.Params(M=1, M_new=1)
-    page.Params(gamma=1, eta=1)
+    page.Scenario(M=1, M_new=0, N=1, spread=(0.0, 0.0), prior=page.Prior(x=(1, 30), y=(1, 20)))
+    page.Scenario(M=1, M_new=1)
+    page.Scenario(gamma=1, eta=1)
     page.Prior(absent=0.0, cv=0.0, ct=1.0, accel=0.0, x=(0, 0))
     page.Prior(absent=1.0, cv=0.0, ct=0.0)
 
 
 def correct_share(page, s, n, k):
     """Share of the frames of presence with a declaration within two cells of the target."""
-    p = page.Params(M=n, M_new=n, scene=s)
+    p = page.Scenario(M=n, M_new=n, scene=s)
     z = page.simulate(s, np.random.default_rng([18, k]))
     r = page.run(z, p, np.random.default_rng([19, k]))
     truth = page.path(s)[0]
@@ -505,7 +505,7 @@ def test_on_another_frame_it_declares_as_often_as_on_its_own(page, printed_share
 def test_half_the_intensity_told_costs_little_and_twice_costs_all(page):
     def share(told, k):
         z = page.simulate(page.Scene(), np.random.default_rng([20, k]))
-        p = page.Params(scene=page.Scene(amplitude=told))
+        p = page.Scenario(scene=page.Scene(amplitude=told))
         return page.run(z, p, np.random.default_rng([21, k])).declared[6:55].mean()
 
     exact, half, twice = (np.mean([share(a, k) for k in range(10)]) for a in (18.0, 9.0, 36.0))
@@ -530,7 +530,7 @@ def test_delta_multiplies_the_intensity_by_its_square_and_nothing_else(page, sce
     """As the manual says; so a filter that is told the cell in metres looks for another target."""
     S, r = np.array([[5.3, 0.6, 2.1, 0.0, 0.3]]), np.array([1])
     wide, loud = (
-        page.Params(scene=page.Scene(**c)) for c in ({"delta": 3.0}, {"amplitude": 162.0})
+        page.Scenario(scene=page.Scene(**c)) for c in ({"delta": 3.0}, {"amplitude": 162.0})
     )
     ours, same = (page.log_weights(scene_frames[6], r, S, p) for p in (wide, loud))
     assert np.allclose(ours, same, rtol=1e-12)
@@ -544,30 +544,30 @@ def frames(shape=(4, 30, 20), kind=float):
 def started(z, p=None, rng=None):
     """A call of run on bad frames, or with a bad filter or generator."""
     rng = np.random.default_rng(0) if rng is None else rng
-    return lambda page: page.run(z, p or page.Params(M=50, M_new=50), rng)
+    return lambda page: page.run(z, p or page.Scenario(M=50, M_new=50), rng)
 
 
 BAD = {
-    "zero particles": lambda page: page.Params(M=0),
-    "a text for a number": lambda page: page.Params(M="2000"),
-    "half a particle": lambda page: page.Params(M=2000.5),
-    "negative new particles": lambda page: page.Params(M_new=-1),
-    "eta above one": lambda page: page.Params(eta=1.1),
-    "gamma above one": lambda page: page.Params(gamma=1.001),
-    "gamma of zero": lambda page: page.Params(gamma=0.0),
-    "gamma a NaN": lambda page: page.Params(gamma=np.nan),
-    "no weight": lambda page: page.Params(weight=0.0),
-    "empty window": lambda page: page.Params(N=0),
-    "negative spread": lambda page: page.Params(spread=(-0.5, 0.3)),
-    "unknown gate": lambda page: page.Params(gate="ajar"),
-    "unknown births": lambda page: page.Params(births="resurrect"),
-    "unknown law": lambda page: page.Params(law="cauchy"),
-    "a number for a scene": lambda page: page.Params(scene=3),
-    "a scene for a prior": lambda page: page.Params(prior=page.Scene()),
-    "prior of another frame": lambda page: page.Params(
+    "zero particles": lambda page: page.Scenario(M=0),
+    "a text for a number": lambda page: page.Scenario(M="2000"),
+    "half a particle": lambda page: page.Scenario(M=2000.5),
+    "negative new particles": lambda page: page.Scenario(M_new=-1),
+    "eta above one": lambda page: page.Scenario(eta=1.1),
+    "gamma above one": lambda page: page.Scenario(gamma=1.001),
+    "gamma of zero": lambda page: page.Scenario(gamma=0.0),
+    "gamma a NaN": lambda page: page.Scenario(gamma=np.nan),
+    "no weight": lambda page: page.Scenario(weight=0.0),
+    "empty window": lambda page: page.Scenario(N=0),
+    "negative spread": lambda page: page.Scenario(spread=(-0.5, 0.3)),
+    "unknown gate": lambda page: page.Scenario(gate="ajar"),
+    "unknown births": lambda page: page.Scenario(births="resurrect"),
+    "unknown law": lambda page: page.Scenario(law="cauchy"),
+    "a number for a scene": lambda page: page.Scenario(scene=3),
+    "a scene for a prior": lambda page: page.Scenario(prior=page.Scene()),
+    "prior of another frame": lambda page: page.Scenario(
         scene=page.Scene(nx=64, ny=48), prior=page.Prior()
     ),
-    "prior beside the frame": lambda page: page.Params(prior=page.Prior(y=(5, 25))),
+    "prior beside the frame": lambda page: page.Scenario(prior=page.Prior(y=(5, 25))),
     "rows of Pi": lambda page: page.Prior(Pi=((0.9, 0.05, 0.06), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8))),
     "two regimes": lambda page: page.Prior(Pi=((0.9, 0.1), (0.1, 0.9))),
     "initial probabilities": lambda page: page.Prior(absent=0.8),
@@ -629,7 +629,7 @@ def test_a_masked_array_is_refused_by_both_filters(page):
     z = np.ma.masked_greater(spoiled((2, 14, 9), 99.0), 50.0)
     for filtered in (page.run, page.bernoulli):
         with pytest.raises(ValueError, match="^frames: a masked array; fill it"):
-            filtered(z, page.Params(M=50, M_new=50), np.random.default_rng(0))
+            filtered(z, page.Scenario(M=50, M_new=50), np.random.default_rng(0))
 
 
 START = np.repeat([1, 2, 0], [20, 20, 10]), np.full((50, 5), 3.0)
@@ -651,7 +651,7 @@ START = np.repeat([1, 2, 0], [20, 20, 10]), np.full((50, 5), 3.0)
 )
 def test_a_start_that_does_not_fit_is_refused(page, start, words):
     with pytest.raises(ValueError, match=f"^{words}"):
-        page.run(frames(), page.Params(M=50, M_new=50), np.random.default_rng(0), start=start)
+        page.run(frames(), page.Scenario(M=50, M_new=50), np.random.default_rng(0), start=start)
 
 
 def test_a_start_is_read_and_left_as_it_is(page, scene_frames):
@@ -667,7 +667,7 @@ def test_a_start_is_read_and_left_as_it_is(page, scene_frames):
 
 @pytest.mark.parametrize("births", ["keep", "move"])
 def test_the_dead_keep_their_state_or_go_on_along_their_velocity(page, births):
-    p = page.Params(births=births, scene=page.Scene(T=2.0), prior=page.Prior(accel=0.0))
+    p = page.Scenario(births=births, scene=page.Scene(T=2.0), prior=page.Prior(accel=0.0))
     rng, r = np.random.default_rng(22), np.repeat([0, 1], 500)
     S = np.tile([10.0, 0.5, 8.0, -0.25, 0.3], (1000, 1))
     after, moved = page.predict(r, S.copy(), p, rng)
@@ -678,7 +678,7 @@ def test_the_dead_keep_their_state_or_go_on_along_their_velocity(page, births):
 
 
 def test_normal_laws_have_the_spreads_of_the_uniform_ones(page):
-    rng, p = np.random.default_rng(23), page.Params(law="normal")
+    rng, p = np.random.default_rng(23), page.Scenario(law="normal")
     s = np.array([10.0, 0.5, 8.0, -0.25, 0.3])
     for law in ("uniform", "normal"):
         p = replace(p, law=law)
