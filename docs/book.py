@@ -44,7 +44,7 @@ TABLE = {
 
 def complaint():
     """What keeps the book from being built, in a line, or nothing."""
-    for paper in pages.everything():
+    for paper in pages.notebooks():
         pages.cells(paper)  # or a ValueError that names the file
         cells = json.loads(pages.path(paper).read_text(encoding="utf-8"))["cells"]
         if any(cell["cell_type"] == "code" and not cell["execution_count"] for cell in cells):
@@ -204,7 +204,7 @@ def index_page():
 def gallery_page(folder):
     """Thumbnails of all figures with caption and id, paper by paper."""
     lines = []
-    for paper in pages.everything():
+    for paper in pages.notebooks():
         lines += [f"## {cite.papers().get(paper, {}).get('topic', 'All papers')}", ""]
         lines += ["::::{container} thumbs", ""]
         for id in (id for id in cite.ids(paper) if "png" in cite.files(id)):
@@ -248,7 +248,7 @@ def stage(folder):
         shutil.copytree(paths.ROOT / name, folder / name, ignore=unwanted)
     for name in FILES:
         shutil.copy(paths.ROOT / name, folder / name)
-    chapters = {paper: Chapter(paper) for paper in pages.everything()}
+    chapters = {paper: Chapter(paper) for paper in pages.notebooks()}
     texts = {f"{name}/README.md": f"# {title}\n\n{{}}" for name, title in TITLES.items()}
     texts = {name: text.format((folder / name).read_text("utf-8")) for name, text in texts.items()}
     gallery = (folder / "figures/README.md").read_text("utf-8")

@@ -22,8 +22,11 @@ def kernel(function):
 
 
 def begin(paper, namespace):
-    """Open the run of a notebook; see :func:`tbdcore.repro.pages.begin`."""
-    return _pages().begin(paper, namespace)
+    """Open the run of a notebook; see :func:`tbdcore.repro.run.begin`."""
+    _pages()
+    from tbdcore.repro import run
+
+    return run.begin(paper, namespace)
 
 
 def page(paper):

@@ -155,7 +155,9 @@ def _settings(paper, values):
     """All parameters that can change a result, as they are read back from JSON."""
     known = pages.parameters(paper)
     kept = {name: values.get(name, known[name].default) for name in known}
-    return json.loads(json.dumps({name: kept[name] for name in kept if name not in pages.PLUMBING}))
+    return json.loads(
+        json.dumps({name: kept[name] for name in kept if name not in pages.EXECUTION})
+    )
 
 
 def _clock(paper, values):

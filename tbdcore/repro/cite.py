@@ -30,7 +30,7 @@ TOPICS = {"index": "All papers", "together": "The five ideas on the same scenes"
 
 def ids(*papers):
     """Ids of all products, paper by paper, the papers' own figures and tables first."""
-    folders = [paths.figures() / paper for paper in papers or pages.everything()]
+    folders = [paths.figures() / paper for paper in papers or pages.notebooks()]
     found = [file for folder in folders for file in sorted(folder.glob("*.json"), key=_rank)]
     return [f"{file.parent.name}/{file.stem}" for file in found]
 
@@ -219,7 +219,7 @@ def gallery():
     folder, known = paths.figures(), papers()
     uses = "Cite one with `tbdcore cite <id>`, trace a file with `tbdcore which <file>`."
     lines = ["# Figures and tables", "", f"Written by `tbdcore score`. {uses}", ""]
-    for paper in pages.everything():
+    for paper in pages.notebooks():
         about, page = known.get(paper), pages.path(paper)
         said = f"{about['short']}: *{about['title']}*. " if about else ""
         lines += [f"## {topic(paper)}", ""]
@@ -280,7 +280,7 @@ def embedded(file):
         found = re.findall(_PLACES.get(kind, rb"(?!)"), content, re.MULTILINE)
         named = [text.decode("utf-8", "replace") for text in found]
     known = [id for id in named if re.fullmatch(r"\w+/\w+", id)]
-    if not known or known[0].partition("/")[0] not in pages.everything():
+    if not known or known[0].partition("/")[0] not in pages.notebooks():
         why = "a picture carries its id, a CSV must be one of those in figures/"
         raise ValueError(f"{file}: no product of this repository ({why})")
     return known[0]

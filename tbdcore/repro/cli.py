@@ -186,7 +186,7 @@ def _add_running(add, out):
 
 def _run(arguments):
     """Execute some notebooks; one that fails does not stop the others."""
-    named = arguments.papers or (pages.papers() if arguments.given else pages.everything())
+    named = arguments.papers or (pages.papers() if arguments.given else pages.notebooks())
     jobs = {paper: _values(paper, arguments) for paper in named}
     changed = arguments.given or arguments.quick or arguments.out or arguments.resume
     if arguments.in_place and changed:
@@ -214,7 +214,7 @@ def _sweep(arguments):
     if not text:
         given = arguments.values
         raise ValueError(f"sweep {given}: write the parameter and its values as name=v1,v2")
-    if name in pages.PLUMBING:
+    if name in pages.EXECUTION:
         raise ValueError(f"sweep {name}: it cannot change a result; sweep another parameter")
     for value in text.split(";" if name in known and known[name].type == "list" else ","):
         values = _values(paper, arguments, f"{name}={value}")
@@ -255,13 +255,13 @@ def _result(arguments, paper, run):
 def _values(paper, arguments, *more):
     """The parameters that the command line sets, checked with claims file and output folder."""
     known = pages.parameters(paper)
-    if pages.judges(paper):
+    if pages.has_ledger(paper):
         claims.read(paper)
     values = {}
     if arguments.quick:
         values = {name: one.quick for name, one in known.items() if one.quick is not None}
         values["out"] = str(paths.BUILD / "quick")
-    options = {name: getattr(arguments, name) for name in pages.PLUMBING}
+    options = {name: getattr(arguments, name) for name in pages.EXECUTION}
     values |= {name: value for name, value in options.items() if value is not None}
     for text in (*arguments.given, *more):
         name, equals, value = text.partition("=")
@@ -269,7 +269,7 @@ def _values(paper, arguments, *more):
             raise ValueError(f"-p {text}: write -p name=value")
         values[name] = _value(value, known[name].type if name in known else "str")
     values = pages.validate(paper, values)
-    settings = [name for name in values if name not in pages.PLUMBING]
+    settings = [name for name in values if name not in pages.EXECUTION]
     changed = any(values[name] != known[name].default for name in settings)
     if changed and not values.get("out"):
         values["out"] = str(paths.BUILD / "run")
@@ -342,7 +342,7 @@ def _cite(arguments):
     elif named := [id for id in cite.ids() if id.endswith(f"/{arguments.id}")]:
         raise ValueError(f"{arguments.id}: give one of {', '.join(named)}")
     else:
-        print(_captions([arguments.id] if arguments.id else pages.everything()), end="")
+        print(_captions([arguments.id] if arguments.id else pages.notebooks()), end="")
     return GOOD
 
 
@@ -367,7 +367,7 @@ def _list(arguments):
     """The papers; of one paper its parameters, and its products with captions."""
     cite.papers()  # complete
     if arguments.paper is None:
-        for paper in pages.everything():
+        for paper in pages.notebooks():
             print(f"{paper:<12}{pages.path(paper).name:<22}{cite.topic(paper)}")
         return GOOD
     paper, notebook = arguments.paper, pages.path(arguments.paper).name

@@ -1,10 +1,8 @@
 """Figures in one style, saved with their data: the same run gives the same bytes.
 
-A notebook's ``Portfolio`` keeps its products in memory.  ``publish``, the notebook's last call,
-writes them all, after the ledger of claims has been found complete; products of an earlier run
-that this one no longer makes are removed.  A run that fails or is interrupted leaves the old
-products as they were.  The files of a product are described in ``products``; each PDF, SVG and PNG
-carries the product's id as its title, and neither a date nor anything that changes with a comment.
+A notebook's ``Portfolio`` keeps its products in memory until ``run`` publishes them all.  The files
+of a product are described in ``products``; each PDF, SVG and PNG carries the product's id as its
+title, and neither a date nor anything that changes with a comment.
 
 ``COLOURS`` gives each algorithm one colour for the whole repository (Okabe and Ito's palette, which
 the colour-blind can tell apart); ``LINES`` gives it a line style, for print without colour.
@@ -12,7 +10,6 @@ the colour-blind can tell apart); ``LINES`` gives it a line style, for print wit
 This is the only module that imports matplotlib.
 """
 
-import contextlib
 import io
 import json
 import pickle
@@ -165,16 +162,23 @@ class Portfolio:
     def film(self, fig, name, draw, steps, caption="", **saved):
         """Keep a figure, and as ``<name>.gif`` how ``draw(0)`` to ``draw(steps - 1)`` change it.
 
-        The figure itself is the last picture, at which the film rests.  `saved` goes to `save`.
+        The figure itself is the last picture, at which the film rests for four seconds; its 128
+        colours are those of the film.  `saved` goes to `save`.
         """
-        id = self._id(name, caption)
+        from PIL import Image
+
+        id, frames, gif = self._id(name, caption), [], io.BytesIO()
         draw(steps - 1)
         _lay_out(fig)
-        pictures = []
         for step in range(steps):
             draw(step)
-            pictures += render(fig, name, id, ("png",), dpi=STYLE["figure.dpi"]).values()
-        self.files[f"{name}.gif"] = _animated(pictures, id)
+            (picture,) = render(fig, name, id, ("png",), dpi=STYLE["figure.dpi"]).values()
+            frames.append(Image.open(io.BytesIO(picture)).convert("RGB"))
+        palette = frames[-1].quantize(128, Image.Quantize.MAXCOVERAGE)
+        first, *others = [f.quantize(palette=palette, dither=Image.Dither.NONE) for f in frames]
+        how = {"append_images": others, "duration": [400] * len(others) + [4000], "loop": 0}
+        first.save(gif, "gif", comment=id.encode(), save_all=True, **how)
+        self.files[f"{name}.gif"] = gif.getvalue()
         return self.save(fig, name, caption=caption, **saved)
 
     def table(self, frame, name, caption="", claims=()):
@@ -184,36 +188,25 @@ class Portfolio:
         self.files[f"{name}.json"] = self._json(id, caption, claims)
         return frame
 
-    def publish(self, ledger=None):
-        """Write all products and verdicts.csv; raises, and writes nothing, if a claim has none.
+    def advice(self, frame, caption):
+        """Keep the table of advice, with the columns ``screen.ADVICE`` and three to five rows."""
+        return self.table(self._checked("advice", frame), "advice", caption)
 
-        A page that judges no paper has no ledger.  After a default run whose first
-        screen shows other verdicts than those now written, raises RuntimeError: run it again.
-        """
-        table = [] if ledger is None else ledger.table()
-        verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}
+    def breaks(self, frame, caption):
+        """Keep the table of what breaks the method, with the columns ``screen.BREAKS``."""
+        return self.table(self._checked("breaks", frame), "breaks", caption)
+
+    def _checked(self, name, frame):
+        figures = [f"{self.paper}/{file[:-4]}" for file in self.files if file.endswith(".png")]
+        return screen.checked(self.paper, name, frame, figures)
+
+    def drawn_files(self):
+        """All files by name, those too that a process of its own has drawn."""
         for job in self.waiting:
             self.files |= job.result()
         if self.pool is not None:
             self.pool.shutdown()
-        files = verdicts | self.files  # a product's JSON is the last of its files
-        folder = self.folder / self.paper
-        products.write(folder, files, old=self._abandoned(folder))
-        judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
-        print(f"{self.paper}: {judged}; {len(files)} files")
-        default = self.provenance.get("remake") == f"tbdcore run {self.paper}"
-        if default if ledger is None else ledger.strict:
-            screen.check(self.paper, self.folder)
-
-    def _abandoned(self, folder):
-        """Files of products of this paper in the folder that this run did not make."""
-        files = []
-        for file in folder.glob("*.json"):
-            with contextlib.suppress(ValueError, TypeError, KeyError):  # it is no record
-                if json.loads(file.read_text(encoding="utf-8"))["paper"] == self.paper:
-                    suffixes = (*CANVASES, "gif", "csv", "md", "tex", "json")
-                    files += [file.with_suffix(f".{suffix}") for suffix in suffixes]
-        return [file for file in files if file.name not in self.files]
+        return self.files
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -254,20 +247,3 @@ def render(fig, name, id, extensions, dpi=STYLE["savefig.dpi"]):
             getattr(canvas, f"print_{extension}")(buffer, metadata=metadata)
             made[f"{name}.{extension}"] = buffer.getvalue()
     return made
-
-
-def _animated(pictures, id):
-    """PNG files as one GIF, in 128 colours of the last one, which stays for four seconds.
-
-    The id is its comment.
-    """
-    from PIL import Image
-
-    frames = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
-    palette = frames[-1].quantize(128, Image.Quantize.MAXCOVERAGE)
-    first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    lasting = [400] * len(others) + [4000]
-    buffer = io.BytesIO()
-    how = {"save_all": True, "append_images": others, "duration": lasting, "loop": 0}
-    first.save(buffer, "gif", comment=id.encode(), **how)
-    return buffer.getvalue()

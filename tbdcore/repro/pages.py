@@ -23,6 +23,7 @@ import ast
 import contextlib
 import dataclasses
 import io
+import itertools
 import json
 import logging
 import math
@@ -35,14 +36,13 @@ import tempfile
 import threading
 import tokenize
 import types
-from itertools import pairwise
 from pathlib import Path
 
-from tbdcore.repro import claims, paths, products, trials
+from tbdcore.repro import claims, paths, products
 from tbdcore.repro.claims import nearest
 
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
-PLUMBING = ("workers", "scheduler", "out")  # parameters that cannot change a result
+EXECUTION = ("workers", "scheduler", "out")  # parameters that cannot change a result
 # modules that every product passes through
 EVERYWHERE = "from tbdcore.repro import claims, figures, products, screen, trials"
 LARGEST = 2**63  # integers are below, so that any program can read them in a record
@@ -80,7 +80,7 @@ class Parameter:
             wrong = f"is out of range; give {self.meaning}, in {self.range()}"
         elif self.choices and value not in self.choices:
             wrong = f"is none of {', '.join(map(repr, self.choices))}"
-        elif self.increasing and (not value or any(a >= b for a, b in pairwise(value))):
+        elif self.increasing and (not value or any(a >= b for a, b in itertools.pairwise(value))):
             wrong = "does not increase; give at least one number, the smallest first"
         else:
             return value
@@ -116,12 +116,12 @@ def papers():
     return [paper for paper in _notebooks() if paper in claims.papers()]
 
 
-def everything():
+def notebooks():
     """The papers, then the pages without claims, and last the index, which reads all products."""
     return sorted(_notebooks(), key=lambda name: (name not in papers(), name == "index"))
 
 
-def judges(paper):
+def has_ledger(paper):
     """Whether a notebook enters verdicts on claims: its last call publishes a ledger."""
     return any("publish(ledger)" in cell for cell in cells(paper))
 
@@ -228,39 +228,11 @@ def validate(paper, given):
     return {name: known[name].coerce(value) for name, value in given.items()}
 
 
-def begin(paper, namespace):
-    """Open a notebook's run, right after its parameters cell:
-    ``ledger, portfolio = tbdcore.begin("track_cfar", vars())``.
-
-    Checks every parameter (of a misspelt one papermill makes a plain variable, and goes on), puts
-    coerced values back into `namespace`, and makes sure that the output folder can be written
-    before any kernel starts.  Returns a :class:`tbdcore.repro.claims.Ledger`, or None on a page
-    that judges no paper, and a :class:`tbdcore.repro.figures.Portfolio`.
-    """
-    from tbdcore.repro import figures
-
-    known = parameters(paper)
-    plain = [name for name in namespace if isinstance(namespace[name], int | float | str | list)]
-    others = [name for name in plain if not name.startswith("_") and name != "In"]
-    values = validate(paper, {name: namespace[name] for name in (*known, *others)})
-    namespace.update(values)
-    shown = {name: value for name, value in values.items() if name not in PLUMBING}
-    default = all(value == known[name].default for name, value in shown.items())
-    folder = usable(values["out"] or paths.figures())
-    if not default and folder == paths.PRODUCTS.resolve():
-        raise ValueError(f"{paper}: {ONLY_DEFAULTS}; give these ones a folder: out='build/try'")
-    provenance = {"parameters": shown, "seed": values["seed"], "trials": values["n_trials"]}
-    provenance |= {"digest": digest(paper), "remake": remake(paper, values)}
-    provenance["versions"] = products.versions()
-    ledger = claims.Ledger(paper, strict=default) if judges(paper) else None
-    return ledger, figures.Portfolio(paper, folder, provenance, background=trials.cores() > 1)
-
-
 def remake(paper, values):
     """The command that runs a notebook with these parameters."""
     words = ["tbdcore", "run", paper]
     for name, parameter in parameters(paper).items():
-        if name not in PLUMBING and (value := values[name]) != parameter.default:
+        if name not in EXECUTION and (value := values[name]) != parameter.default:
             words += ["-p", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
     return shlex.join(words)
 
@@ -301,7 +273,8 @@ def digest(paper):
     files.append(paths.PACKAGE / "__init__.py")  # the decorator of all kernels
     parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
     if paper == "index":
-        shown = [paths.figures() / name / "verdicts.csv" for name in papers()]
+        tables = itertools.product(papers(), ("verdicts.csv", "advice.csv"))
+        shown = [paths.figures() / name / file for name, file in tables]
         parts += [file.read_text(encoding="utf-8") for file in shown if file.is_file()]
     if paper in claims.papers():
         parts += ["\0".join(row[:-1]) for row in claims.read(paper).values()]  # the cause is last

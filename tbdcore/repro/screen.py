@@ -1,16 +1,25 @@
-"""What a page shows a reader: figures with their captions, and the first screen.
+"""What a page shows a reader: the first screen, figures with captions, published beside measured.
 
 The first screen is rendered from the committed products, never from the present run, so that a
 reader who opens a page sees what came out before the page has run.  A default run compares it with
 its own results when it publishes (``check``).
 """
 
+import math
 import re
+from functools import partial
+from numbers import Real
+
+import pandas as pd
 
 from tbdcore.repro import claims, paths, products
 
-_SHOWN = {}  # paper -> rows of its first screen's table, and the table as it was shown
-_EXHIBITS = {}  # id -> table and caption of a product that a first screen has shown
+ADVICE = ["do", "when", "instead_of", "knows", "gain", "se"]
+ADVICE += ["tested_from", "tested_to", "breaks_at", "figure"]
+BREAKS = ["condition", "promised", "delivered as stored", "delivered after recording", "breaks_at"]
+TABLES = {"advice": (ADVICE, 3, 5), "breaks": (BREAKS, 5, 20)}  # columns, least and most rows
+WORDS = ("do", "when", "instead_of", "knows", "figure", "condition")  # columns of text
+_SHOWN = {}  # (paper, part): how a part of a first screen is made from a folder, as it was shown
 
 
 class Exhibit:
@@ -32,12 +41,15 @@ class Exhibit:
 
 
 class Table(str):
-    """A table on the first screen, in Markdown."""
+    """A table on a page, in Markdown."""
 
     def _repr_markdown_(self):
         return str(self)
 
     __repr__ = _repr_markdown_
+
+
+# The first screen -----------------------------------------------------------------------------
 
 
 def outcome(paper, rows):
@@ -46,20 +58,42 @@ def outcome(paper, rows):
     `rows` maps what is measured, in words, to the id of its claim.  Without committed verdicts
     the table says "not yet run".
     """
-    text = _table(paper, rows, paths.PRODUCTS)
-    _SHOWN[paper] = dict(rows), text
-    return Table(text)
+    return Table(_show(paper, "outcome", partial(_outcome, paper, dict(rows))))
 
 
-def here(measured, se):
-    """What was measured, as text, with its standard error; in words that of the margin."""
-    if not se:
-        return measured
-    number = re.fullmatch(r"(.*margin )?[-+.\de]+( \w+)?", measured)
-    return f"{measured} ± {se}" if number else f"{measured}; error of the margin {se}"
+def exhibit(id):
+    """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
+    text, caption = _show(id.partition("/")[0], id, partial(_text, id))
+    file = paths.PRODUCTS / f"{id}.png"
+    if text:
+        return Table(f"{text.partition('-->')[2].strip()}\n\n*{caption}*")
+    if not file.is_file():
+        return Table(f"*{id}: not yet run.*")
+    return Exhibit(id, caption, file.read_bytes())
 
 
-def _table(paper, rows, folder):
+def advice(paper):
+    """The advice of a paper for its first screen: do, when, instead of what, and the gain."""
+    return Table(_show(paper, "advice", partial(_advice, paper)))
+
+
+def check(paper, folder):
+    """Raise RuntimeError when the first screen showed other values, tables or captions than those
+    in a folder.
+    """
+    parts = [part for (owner, _), part in _SHOWN.items() if owner == paper]
+    if any(shown != render(folder) for render, shown in parts):
+        raise RuntimeError(f"{paper}: first screen is stale; run again")
+
+
+def _show(paper, part, render):
+    """A part of a first screen, made from the committed products and kept for `check`."""
+    shown = render(paths.PRODUCTS)
+    _SHOWN[paper, part] = render, shown
+    return shown
+
+
+def _outcome(paper, rows, folder):
     head = "| | published | here | verdict |\n|---|---|---|---|\n"
     try:
         found = claims.verdicts(paper, folder).set_index("id")
@@ -73,37 +107,106 @@ def _table(paper, rows, folder):
         row = found.loc[id]
         kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
         own = about and row["n"] not in ("", str(about["trials"]))  # another number of trials
-        found_here = here(row["measured"], row["se"]) + (f" (n = {row['n']})" if own else "")
-        lines.append(f"| {what} | {row['published']} | {found_here} | {row['verdict']}{kind} |\n")
+        measured = with_error(row["measured"], row["se"]) + (f" (n = {row['n']})" if own else "")
+        lines.append(f"| {what} | {row['published']} | {measured} | {row['verdict']}{kind} |\n")
     known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
     return f"{head}{''.join(lines)}\n*Default run{known}; ± one standard error.*\n"
 
 
-def exhibit(id):
-    """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
-    file = paths.PRODUCTS / f"{id}.png"
-    _EXHIBITS[id] = text, caption = _text(paths.PRODUCTS, id)
-    if text:
-        return Table(f"{text.partition('-->')[2].strip()}\n\n*{caption}*")
-    if not file.is_file():
-        return Table(f"*{id}: not yet run.*")
-    return Exhibit(id, caption, file.read_bytes())
-
-
-def _text(folder, id):
+def _text(id, folder):
     """Table and caption of a product, each empty where there is none."""
     about, table = folder / f"{id}.json", folder / f"{id}.md"
     text = table.read_text(encoding="utf-8") if table.is_file() else ""
     return text, products.record(about)["caption"] if about.is_file() else ""
 
 
-def check(paper, folder):
-    """Raise RuntimeError when the first screen showed other values, tables or captions than those
-    in a folder.
+def _advice(paper, folder):
+    rows = read_advice([paper], folder)
+    rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
+    shown = rows[["do", "when", "instead_of", "gain"]].rename(columns={"instead_of": "instead of"})
+    return (
+        f"{products.markdown(shown)}\n*{_text(f'{paper}/advice', folder)[1] or 'Not yet run.'}*\n"
+    )
+
+
+# Tables ---------------------------------------------------------------------------------------
+
+
+def with_error(measured, se):
+    """What was measured, as text, with its standard error; in words that of the margin."""
+    if not se:
+        return measured
+    number = re.fullmatch(r"(.*margin )?[-+.\de]+( \w+)?", measured)
+    return f"{measured} ± {se}" if number else f"{measured}; error of the margin {se}"
+
+
+def _number(value, se):
+    return with_error(claims.digits(value, se), f"{se:.2g}" if se else "")
+
+
+def this_run(ledger, rows):
+    """Published values beside those of the present run, without verdicts.
+
+    `rows` maps what is measured, in words, to (id of its claim, measured, standard error), an empty
+    id where nothing is published; the id alone shows a claim that the ledger has judged.
     """
-    rows, text = _SHOWN.get(paper, ({}, ""))
-    old = bool(rows) and text != _table(paper, rows, folder)
-    own = [id for id in _EXHIBITS if id.startswith(f"{paper}/")]
-    old |= any(_EXHIBITS[id] != _text(folder, id) for id in own)
-    if old:
-        raise RuntimeError(f"{paper}: first screen is stale; run again")
+    lines = [(what, *_pair(ledger, row)) for what, row in rows.items()]
+    frame = pd.DataFrame(lines, columns=["", "published", "this run"])
+    return Table(f"{products.markdown(frame)}\n*± one standard error.*\n")
+
+
+def _pair(ledger, row):
+    """What a claim publishes, and what this run has measured."""
+    id, *measured = (row,) if isinstance(row, str) else row
+    known = ledger.claims if measured else ledger.verdicts
+    if id and id not in known:
+        wrong = "no claim" if measured else "no claim judged so far"
+        near = claims.nearest(id, known)
+        raise ValueError(f"{ledger.paper}: {wrong} {id!r}; the nearest is {near!r}")
+    if not measured:
+        return ledger.verdicts[id].published, with_error(known[id].measured, known[id].se)
+    return claims.published(ledger.claims[id]) if id else "", _number(*measured)
+
+
+def checked(paper, name, frame, figures):
+    """The table `advice` or `breaks` of a paper; ValueError for wrong columns, too few or too many
+    rows, an empty text, what is no number, or a figure that is not among `figures`.
+    """
+    (columns, least, most), where = TABLES[name], f"{paper}/{name}"
+    if list(frame.columns) != columns:
+        raise ValueError(f"{where}: columns {list(frame.columns)}; give {', '.join(columns)}")
+    if not least <= len(frame) <= most:
+        raise ValueError(f"{where}: {len(frame)} rows; give {least} to {most}")
+    for number, row in enumerate(frame.to_dict("records"), start=1):
+        for column, value in row.items():
+            if wrong := _fault(column, value, row, figures):
+                raise ValueError(f"{where}, row {number}, column {column}: {value!r} {wrong}")
+    return frame
+
+
+def _fault(column, value, row, figures):
+    """What is wrong with a cell, in words; empty if nothing is."""
+    if column == "figure" and value not in figures:
+        return f"is no figure of this run; the nearest is {claims.nearest(str(value), figures)!r}"
+    if column in WORDS:
+        return "" if isinstance(value, str) and value.strip() else "is no text; say it in words"
+    limit = math.inf if column == "breaks_at" else 1e300  # infinity: nothing breaks it
+    if isinstance(value, bool) or not isinstance(value, Real) or not -limit <= value <= limit:
+        return "is no number; give one"
+    low = {"se": 0.0, "tested_to": row.get("tested_from")}.get(column, -math.inf)
+    return "" if value >= low else f"is below {low:g}; correct one"
+
+
+def read_advice(papers, folder=None):
+    """The advice of some papers, one row each, the paper's name in front; none before a run.
+    Raises ValueError, naming the file, for another table.
+    """
+    tables = [pd.DataFrame(columns=["paper", *ADVICE])]
+    for paper in papers:
+        file = (folder or paths.figures()) / paper / "advice.csv"
+        table = pd.read_csv(file) if file.is_file() else tables[0][ADVICE]
+        if list(table.columns) != ADVICE:
+            wrong = f"its columns are not {', '.join(ADVICE)}"
+            raise ValueError(f"{file}: {wrong}; make it anew: tbdcore run {paper}")
+        tables += [table.assign(paper=paper)[["paper", *ADVICE]]] if len(table) else []
+    return pd.concat(tables[1:] or tables, ignore_index=True)

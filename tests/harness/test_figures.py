@@ -13,6 +13,7 @@ from PIL import Image
 
 from tbdcore.repro import figures, screen
 from tbdcore.repro.claims import Ledger
+from tbdcore.repro.run import Run
 
 PROVENANCE = {
     "parameters": {"n": 3},
@@ -28,7 +29,7 @@ mean,Fig. 1,mean,,1.5,m,number,Sec. 2,Mean,measured,
 
 @pytest.fixture
 def portfolio(tmp_path):
-    return figures.Portfolio("toy", tmp_path / "figures", PROVENANCE)
+    return Run("toy", tmp_path / "figures", PROVENANCE)
 
 
 @pytest.fixture
@@ -54,7 +55,7 @@ def published(folder):
 
 
 def test_the_same_figure_has_the_same_bytes(tmp_path):
-    runs = [figures.Portfolio("toy", tmp_path, PROVENANCE) for _ in range(2)]
+    runs = [Run("toy", tmp_path, PROVENANCE) for _ in range(2)]
     for run in runs:
         draw(run)
         run.table(pd.DataFrame({"a": [1 / 3]}), "table1", caption="A third.")
@@ -70,8 +71,8 @@ def test_a_last_bit_changes_no_picture(tmp_path):
     """
     made = []
     for x in (1.1, math.nextafter(1.1, 2)):
-        run = figures.Portfolio("toy", tmp_path, PROVENANCE)
-        fig, axes = figures.Portfolio.new(1, 2)
+        run = Run("toy", tmp_path, PROVENANCE)
+        fig, axes = Run.new(1, 2)
         axes[1].plot([0, 1])
         axes[1].text(x, 0.5, "outside", transform=axes[1].transAxes)
         run.save(fig, "fig01", caption="A line, and a word that the layout has to find room for.")
@@ -82,7 +83,7 @@ def test_a_last_bit_changes_no_picture(tmp_path):
 def test_drawing_in_the_background_gives_the_same_bytes(tmp_path, ledger):
     made = []
     for background in (False, True):
-        run = figures.Portfolio("toy", tmp_path / str(background), PROVENANCE, background)
+        run = Run("toy", tmp_path / str(background), PROVENANCE, background)
         draw(run)
         run.publish(ledger)
         made.append(published(run.folder))
@@ -91,7 +92,7 @@ def test_drawing_in_the_background_gives_the_same_bytes(tmp_path, ledger):
 
 
 def test_a_failure_in_the_background_publishes_nothing(tmp_path, ledger):
-    run = figures.Portfolio("toy", tmp_path / "figures", PROVENANCE, background=True)
+    run = Run("toy", tmp_path / "figures", PROVENANCE, background=True)
     draw(run)
     run.waiting.append(run.pool.submit(figures.render, None, "fig02", "toy/fig02", ("pdf",)))
     with pytest.raises(AttributeError, match="NoneType"):
@@ -249,3 +250,98 @@ def test_a_figure_shows_its_caption_and_has_it_as_alternative_text(portfolio, mo
 def test_the_first_screen_is_that_of_the_committed_products(repository, monkeypatch):
     assert "not yet run" in repr(screen.outcome("tiny", {"the mean": "mean"}))
     assert repr(screen.exhibit("tiny/fig1")) == "*tiny/fig1: not yet run.*"
+
+
+def advice(**changed):
+    """Three rows of advice on what fig01 shows."""
+    row = {"do": "lower the threshold", "when": "a target is dim", "instead_of": "one frame"}
+    row |= {"knows": "the noise", "gain": 2.125, "se": 0.0625, "tested_from": 3, "tested_to": 12}
+    return pd.DataFrame([row | {"breaks_at": 0.5, "figure": "toy/fig01"} | changed] * 3)
+
+
+def breaks(**changed):
+    row = {"condition": "heavy tails", "promised": 0.01, "delivered as stored": 0.2}
+    return pd.DataFrame(
+        [row | {"delivered after recording": 0.011, "breaks_at": 0.3} | changed] * 5
+    )
+
+
+WRONG = [
+    (advice(gain="much"), "row 1, column gain: 'much' is no number; give one"),
+    (advice(gain=math.nan), "column gain: nan is no number"),
+    (advice(gain=math.inf), "column gain: inf is no number"),
+    (advice(se=-0.1), "column se: -0.1 is below 0; correct one"),
+    (advice(tested_to=2), "column tested_to: 2 is below 3; correct one"),
+    (advice(knows=" "), "column knows: ' ' is no text; say it in words"),
+    (advice(do=3), "column do: 3 is no text"),
+    (advice(figure="toy/fig1"), "'toy/fig1' is no figure of this run; the nearest is 'toy/fig01'"),
+    (advice()[:2], "2 rows; give 3 to 5"),
+    (pd.concat([advice()] * 2), "6 rows; give 3 to 5"),
+    (advice().drop(columns="knows"), "columns .*; give do, when, instead_of, knows, gain, se"),
+    (advice(more=1), "columns .*; give do"),
+    (advice()[list(advice())[::-1]], "columns .*; give do"),
+]
+
+
+@pytest.mark.parametrize(("frame", "words"), WRONG)
+def test_advice_that_is_incomplete_is_refused_in_one_line(portfolio, frame, words):
+    draw(portfolio)
+    with pytest.raises(ValueError, match=f"^toy/advice[:,] .*{words}") as error:
+        portfolio.advice(frame, "What to do.")
+    assert "\n" not in str(error.value)
+    assert "advice.csv" not in portfolio.files
+
+
+def test_what_breaks_a_method_is_a_product(portfolio):
+    portfolio.breaks(breaks(breaks_at=math.inf), "What breaks it.")  # nothing breaks it
+    assert {f"breaks.{end}" for end in ("csv", "md", "tex", "json")} <= set(portfolio.files)
+    for frame, words in ((breaks()[:4], "4 rows"), (breaks(promised="none"), "column promised")):
+        with pytest.raises(ValueError, match=f"^toy/breaks.*{words}"):
+            portfolio.breaks(frame, "What breaks it.")
+
+
+def tiny_advice(folder, gain=2.125):
+    """A run of the small repository that publishes advice."""
+    portfolio = Run("tiny", folder, PROVENANCE | {"remake": "tbdcore run tiny"})
+    draw(portfolio)
+    portfolio.advice(advice(figure="tiny/fig01", gain=gain), "Gain in dB.")
+    return portfolio
+
+
+def test_advice_is_shown_on_the_first_screen_and_a_stale_one_is_found(repository, monkeypatch):
+    monkeypatch.setattr(screen, "_SHOWN", {})
+    assert "Not yet run" in repr(screen.advice("tiny"))
+    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
+        tiny_advice(repository / "figures").publish()
+    head, _, row, *_, caption = repr(screen.advice("tiny")).strip().splitlines()
+    assert head == "| do | when | instead of | gain |"
+    assert row == "| lower the threshold | a target is dim | one frame | 2.125 ± 0.062 |"
+    assert caption == "*Gain in dB.*"
+    tiny_advice(repository / "figures").publish()  # which now agrees
+    with pytest.raises(RuntimeError, match="first screen is stale"):
+        tiny_advice(repository / "figures", gain=3.0).publish()
+
+
+def test_the_advice_of_all_chapters_is_one_table(repository):
+    assert list(screen.read_advice(["tiny"])) == ["paper", *screen.ADVICE]
+    tiny_advice(repository / "figures").publish()
+    found = screen.read_advice(["other", "tiny"])
+    assert found["paper"].tolist() == ["tiny"] * 3
+    assert found["gain"].tolist() == [2.125] * 3
+    (repository / "figures" / "tiny" / "advice.csv").write_text("do,gain\nnothing,0\n")
+    with pytest.raises(ValueError, match=r"advice\.csv: its columns are not do, when,.* run tiny$"):
+        screen.read_advice(["tiny"])
+
+
+def test_published_values_stand_beside_those_of_this_run(ledger):
+    rows = {"mean": ("mean", 1.5234, 0.012), "judged": "mean", "not published": ("", 2.0, 0.0)}
+    shown = repr(screen.this_run(ledger, rows))
+    assert "| mean | 1.5 m | 1.523 ± 0.012 |" in shown
+    assert "| judged | 1.5 m | 1.52 |" in shown
+    assert "| not published |  | 2 |" in shown
+    assert not any(word in shown for word in ("reproduced", "differs"))
+    with pytest.raises(ValueError, match="^toy: no claim 'men'; the nearest is 'mean'$"):
+        screen.this_run(ledger, {"mean": ("men", 1.5, 0.1)})
+    ledger.verdicts.clear()
+    with pytest.raises(ValueError, match="^toy: no claim judged so far 'mean'"):
+        screen.this_run(ledger, {"mean": "mean"})

@@ -81,9 +81,9 @@ def test_the_core_imports_numbers_only(module):
     packages, own = imports(module)
     assert packages <= {*NUMBERS, *sys.stdlib_module_names}
     harness = {name for name in own if name.startswith("repro/")}
-    assert harness <= ({"repro/pages", "repro/paths"} if module == "__init__" else set()), (
-        "only begin and page load the harness, when called"
-    )
+    assert harness <= (
+        {"repro/pages", "repro/paths", "repro/run"} if module == "__init__" else set()
+    ), "only begin and page load the harness, when called"
 
 
 @pytest.mark.parametrize("module", HARNESS)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import tiny
 
-from tbdcore.repro import pages, paths, trials
+from tbdcore.repro import pages, paths, run, trials
 
 CELL = """seed: int = 20  # root of every random stream; in [0, inf)
 n_trials: int = 400  # Monte Carlo trials; in [1, inf); quick 40
@@ -60,7 +60,7 @@ def one_line(caught, *words):
 
 def test_parameters_are_read_from_the_cell(paper):
     known = pages.parameters(paper)
-    assert list(known)[:5] == ["seed", "n_trials", *pages.PLUMBING]
+    assert list(known)[:5] == ["seed", "n_trials", *pages.EXECUTION]
     assert known["track_pfa"] == pages.Parameter(
         "track_pfa", "float", 0.1, "track false-alarm probability P_F", 0.0, 1.0, "()"
     )
@@ -71,7 +71,7 @@ def test_parameters_are_read_from_the_cell(paper):
 
 
 def test_every_committed_parameter_has_a_meaning_and_every_number_a_range():
-    for paper in pages.everything():
+    for paper in pages.notebooks():
         for one in pages.parameters(paper).values():
             assert one.meaning, (paper, one.name)
             assert one.type in ("str", "bool") or one.range() != "[-inf, inf]", (paper, one.name)
@@ -149,25 +149,25 @@ def test_a_line_that_is_no_parameter_is_named(repository, line):
 
 
 def test_begin_opens_a_default_run(paper, repository):
-    ledger, portfolio = pages.begin(paper, values(paper))
+    ledger, portfolio = run.begin(paper, values(paper))
     assert ledger.strict
     assert portfolio.folder == repository / "figures"
     assert portfolio.provenance["seed"] == 20
     assert set(portfolio.provenance["parameters"]) == set(pages.parameters(paper)) - set(
-        pages.PLUMBING
+        pages.EXECUTION
     )
 
 
 def test_begin_puts_coerced_values_back(paper):
     namespace = values(paper, n_trials=400.0)
-    pages.begin(paper, namespace)
+    run.begin(paper, namespace)
     assert repr(namespace["n_trials"]) == "400"
 
 
 def test_begin_finds_a_misspelt_parameter(paper):
     """Papermill injects what it is given, and runs the rest with the default."""
     with pytest.raises(ValueError, match=r"'n_trails'.*the nearest is 'n_trials'") as caught:
-        pages.begin(paper, values(paper, n_trails=5))
+        run.begin(paper, values(paper, n_trails=5))
     one_line(caught)
 
 
@@ -181,21 +181,21 @@ def test_begin_does_not_mind_what_a_notebook_has(paper):
         "__name__": "__main__",
         "run": len,
     }
-    pages.begin(paper, values(paper, **others))
+    run.begin(paper, values(paper, **others))
 
 
 def test_begin_refuses_other_parameters_in_the_committed_figures(paper):
     with pytest.raises(ValueError, match="figures are for default parameters") as caught:
-        pages.begin(paper, values(paper, n_trials=7))
+        run.begin(paper, values(paper, n_trials=7))
     one_line(caught, "out='build/try'")
 
 
 def test_parameters_that_change_no_result_may_differ(paper):
-    assert pages.begin(paper, values(paper, workers=3))[0].strict
+    assert run.begin(paper, values(paper, workers=3))[0].strict
 
 
 def test_begin_with_other_parameters_and_a_folder(paper, tmp_path):
-    ledger, portfolio = pages.begin(paper, values(paper, n_trials=7, out=str(tmp_path / "try")))
+    ledger, portfolio = run.begin(paper, values(paper, n_trials=7, out=str(tmp_path / "try")))
     assert not ledger.strict
     assert portfolio.folder == tmp_path / "try"
     assert list(portfolio.folder.iterdir()) == []  # the probe is gone
@@ -313,9 +313,9 @@ def test_pages_without_claims_come_after_the_papers_and_the_index_last(repositor
     for name in ("00_index", "06_together"):
         (repository / "notebooks" / f"{name}.ipynb").write_text(free, encoding="utf-8")
     assert pages.papers() == ["tiny"]
-    assert pages.everything() == ["tiny", "together", "index"]
-    assert pages.judges("tiny")
-    assert not pages.judges("together")
+    assert pages.notebooks() == ["tiny", "together", "index"]
+    assert pages.has_ledger("tiny")
+    assert not pages.has_ledger("together")
 
 
 def test_a_broken_page_is_not_kept(repository):
@@ -375,7 +375,7 @@ def test_the_digest_does_not_see_comments_docstrings_text_cells_and_causes(
     assert pages.digest("tiny") == before
 
 
-def test_the_digest_of_the_index_follows_the_verdicts_of_all_papers(tmp_path, monkeypatch):
+def test_the_digest_of_the_index_follows_verdicts_and_advice_of_all_papers(tmp_path, monkeypatch):
     shutil.copytree(
         paths.PRODUCTS, tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg")
     )
@@ -383,7 +383,10 @@ def test_the_digest_of_the_index_follows_the_verdicts_of_all_papers(tmp_path, mo
     before, chapter = pages.digest("index"), pages.digest("track_cfar")
     with (tmp_path / "figures" / "track_cfar" / "verdicts.csv").open("a") as file:
         file.write("\n")
-    assert pages.digest("index") != before
+    after = pages.digest("index")
+    assert after != before
+    (tmp_path / "figures" / "track_cfar" / "advice.csv").write_text("do\n")
+    assert pages.digest("index") not in (before, after)
     assert pages.digest("track_cfar") == chapter
 
 

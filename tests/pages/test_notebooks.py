@@ -199,7 +199,7 @@ def test_every_parameter_says_what_it_may_be(paper):
             assert parameter.low > -math.inf or parameter.high < math.inf, (
                 f"{parameter.name} has no range"
             )
-        elif parameter.type == "str" and parameter.name not in pages.PLUMBING:
+        elif parameter.type == "str" and parameter.name not in pages.EXECUTION:
             assert parameter.choices, f"{parameter.name} has no choices"
         assert parameter.coerce(parameter.default) == parameter.default
         if parameter.quick is not None:

@@ -76,7 +76,7 @@ def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
     assert [name for name in here if here[name] != there[name]] == []
 
 
-@pytest.mark.parametrize("paper", [name for name in pages.everything() if name != "index"])
+@pytest.mark.parametrize("paper", [name for name in pages.notebooks() if name != "index"])
 def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, scheduler, tmp_path):
     words = ["run", paper, "--quick", "--scheduler", scheduler, "--out", str(tmp_path)]
     subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True, env=elsewhere)

@@ -167,7 +167,7 @@ def test_plain_papermill_refuses_a_misspelt_parameter(repository):
 
 def test_a_default_run_whose_first_screen_is_stale_publishes_and_says_so(tmp_path, monkeypatch):
     execute = tiny.here(tmp_path, monkeypatch)
-    monkeypatch.setattr(screen, "_EXHIBITS", {})
+    monkeypatch.setattr(screen, "_SHOWN", {})
     rows = {"the mean": "mean"}
     screen.outcome("tiny", rows)
     with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):

@@ -1,0 +1,69 @@
+"""A notebook's run: ``begin`` opens it, right after its parameters cell, ``publish`` ends it.
+
+Products of an earlier run that this one no longer makes are removed.  A run that fails or is
+interrupted leaves the old products as they were.
+"""
+
+import contextlib
+import json
+
+from tbdcore.repro import claims, figures, pages, paths, products, screen, trials
+
+SUFFIXES = (*figures.CANVASES, "gif", "csv", "md", "tex", "json")  # of the files of a product
+
+
+def begin(paper, namespace):
+    """Open a notebook's run: ``ledger, portfolio = tbdcore.begin("track_cfar", vars())``.
+
+    Checks every parameter (of a misspelt one papermill makes a plain variable, and goes on), puts
+    coerced values back into `namespace`, and makes sure that the output folder can be written
+    before any kernel starts.  Returns a :class:`tbdcore.repro.claims.Ledger`, or None on a page
+    that judges no paper, and a :class:`Run`.
+    """
+    known = pages.parameters(paper)
+    names = [name for name in namespace if isinstance(namespace[name], int | float | str | list)]
+    own = [name for name in names if not name.startswith("_") and name != "In"]
+    values = pages.validate(paper, {name: namespace[name] for name in (*known, *own)})
+    namespace.update(values)
+    shown = {name: value for name, value in values.items() if name not in pages.EXECUTION}
+    default = all(value == known[name].default for name, value in shown.items())
+    folder = pages.usable(values["out"] or paths.figures())
+    if not default and folder == paths.PRODUCTS.resolve():
+        raise ValueError(
+            f"{paper}: {pages.ONLY_DEFAULTS}; give these ones a folder: out='build/try'"
+        )
+    provenance = {"parameters": shown, "seed": values["seed"], "trials": values["n_trials"]}
+    provenance |= {"digest": pages.digest(paper), "remake": pages.remake(paper, values)}
+    provenance["versions"] = products.versions()
+    ledger = claims.Ledger(paper, strict=default) if pages.has_ledger(paper) else None
+    return ledger, Run(paper, folder, provenance, background=trials.cores() > 1)
+
+
+class Run(figures.Portfolio):
+    """The portfolio of a notebook, which its last cell publishes."""
+
+    def publish(self, ledger=None):
+        """Write all products and verdicts.csv; raises, and writes nothing, if a claim has none.
+
+        A page that judges no paper has no ledger.  After a default run whose first screen shows
+        other verdicts than those now written, raises RuntimeError: run it again.
+        """
+        table = [] if ledger is None else ledger.table()
+        verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}
+        files = verdicts | self.drawn_files()  # a product's JSON is the last of its files
+        folder = self.folder / self.paper
+        products.write(folder, files, old=self._abandoned(folder))
+        judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
+        print(f"{self.paper}: {judged}; {len(files)} files")
+        default = self.provenance.get("remake") == f"tbdcore run {self.paper}"
+        if default if ledger is None else ledger.strict:
+            screen.check(self.paper, self.folder)
+
+    def _abandoned(self, folder):
+        """Files of products of this paper in the folder that this run did not make."""
+        files = []
+        for file in folder.glob("*.json"):
+            with contextlib.suppress(ValueError, TypeError, KeyError):  # it is no record
+                if json.loads(file.read_text(encoding="utf-8"))["paper"] == self.paper:
+                    files += [file.with_suffix(f".{suffix}") for suffix in SUFFIXES]
+        return [file for file in files if file.name not in self.files]
