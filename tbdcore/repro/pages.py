@@ -259,12 +259,11 @@ def usable(out):
 def digest(paper):
     """Short hash of the meaning of what makes a paper's products: the parsed code of notebook,
     imported modules and used pages, and the claims file but for its causes; for the index also
-    the verdicts that it shows.
+    the verdicts and the advice that it shows.
     """
     used = re.findall(r'\bpage\("(\w+)"\)', "\n".join(cells(paper)))
     others = [cell for name in sorted({*used} - {paper}) for cell in cells(name, "algorithm")]
-    every = [cell.splitlines() for cell in (*cells(paper), *others)]
-    code = ["\n".join(line for line in cell if line[:1] not in ("%", "!")) for cell in every]
+    code = [re.sub(r"(?m)^[%!].*\n?", "", cell) for cell in (*cells(paper), *others)]
     try:
         parts = [products.meaning(cell) for cell in code]
     except SyntaxError as error:
@@ -281,19 +280,18 @@ def digest(paper):
     return products.digest([part.encode() for part in parts])
 
 
-def execute(paper, given, output):
-    """Run a notebook through papermill with checked parameters.
+def execute(paper, values, output):
+    """Run a notebook through papermill with parameters as `validate` returns them.
 
     The executed notebook appears at `output` when the run has succeeded; after a failure it is left
-    beside it as ``*.failed.ipynb``.  Raises ValueError for bad parameters, before anything starts,
-    RuntimeError when a cell fails or the kernel dies, OSError when there is no kernel to run in.
+    beside it as ``*.failed.ipynb``.  Raises RuntimeError when a cell fails or the kernel dies,
+    OSError when there is no kernel to run in.
     """
     from jupyter_client.kernelspec import NoSuchKernel
     from nbclient.exceptions import DeadKernelError
     from papermill import PapermillExecutionError, execute_notebook
 
     logging.getLogger("papermill").addHandler(logging.NullHandler())  # its errors are raised too
-    values = validate(paper, given)
     output.parent.mkdir(parents=True, exist_ok=True)
     part = output.with_suffix(f".{os.getpid()}.part.ipynb")
     options = {"kernel_name": "python3", "progress_bar": False, "cwd": str(Path.cwd())}
