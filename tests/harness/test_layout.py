@@ -45,12 +45,7 @@ def imports_of(text):
             else []
         )
         if isinstance(node, ast.ImportFrom):
-            names = [
-                f"{node.module}.{name}"
-                if (node.module or "").startswith("tbdcore")
-                else node.module
-                for name in names
-            ]
+            names = [node.module, *(f"{node.module}.{name}" for name in names)]
         packages |= {name.partition(".")[0] for name in names}
         own |= {
             name.removeprefix("tbdcore").lstrip(".").replace(".", "/")
