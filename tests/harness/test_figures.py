@@ -285,7 +285,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("frame", "words"), WRONG)
 def test_advice_that_is_incomplete_is_refused_in_one_line(portfolio, frame, words):
-    draw(portfolio)
+    portfolio.files["fig01.png"] = b"a picture"
     with pytest.raises(ValueError, match=f"^toy/advice[:,] .*{words}") as error:
         portfolio.advice(frame, "What to do.")
     assert "\n" not in str(error.value)
@@ -303,7 +303,7 @@ def test_what_breaks_a_method_is_a_product(portfolio):
 def tiny_advice(folder, gain=2.125):
     """A run of the small repository that publishes advice."""
     portfolio = Run("tiny", folder, PROVENANCE | {"remake": "tbdcore run tiny"})
-    draw(portfolio)
+    portfolio.files["fig01.png"] = b"a picture"
     portfolio.advice(advice(figure="tiny/fig01", gain=gain), "Gain in dB.")
     return portfolio
 
@@ -317,7 +317,12 @@ def test_advice_is_shown_on_the_first_screen_and_a_stale_one_is_found(repository
     assert head == "| do | when | instead of | gain |"
     assert row == "| lower the threshold | a target is dim | one frame | 2.125 ± 0.062 |"
     assert caption == "*Gain in dB.*"
+    screen.exhibit("other/table")
+    (repository / "figures" / "other").mkdir()
+    (repository / "figures" / "other" / "table.md").write_text("| another chapter's |")
     tiny_advice(repository / "figures").publish()  # which now agrees
+    monkeypatch.setenv("TBDCORE_FIGURES", str(repository / "elsewhere"))
+    assert row in repr(screen.advice("tiny"))  # always that of the repository
     with pytest.raises(RuntimeError, match="first screen is stale"):
         tiny_advice(repository / "figures", gain=3.0).publish()
 

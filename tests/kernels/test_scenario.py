@@ -20,6 +20,7 @@ class Sensor:
 @dataclass(frozen=True)
 class Scenario:
     K: int = given(11, "K", "frames", "s4.K", 1, 100)
+    n: int = given(0, "n")
     p: float = given(0.5, "P_D", low=ABOVE_ZERO, high=BELOW_ONE)
     level: float = given(0.0, "R", "dB")
     floor: float = given(0.0, "F", "dB", low=-math.inf, high=math.nextafter(90, 0))
@@ -30,7 +31,9 @@ class Scenario:
     region: tuple = given((350, 355), "x, y", "km")
     rates: tuple[float, ...] = given((0, 0.2), r"\omega", "rad/s", low=0)
     chain: tuple = given(((0.9, 0.1), (0.2, 0.8)), r"\Pi", low=0, high=1)
+    legs: tuple[tuple, ...] = given(((7, 21), (22, 27)), "k", "frames")
     lattice: tuple = given((), "L")
+    cells: tuple[int, ...] = given((), "c")
     scale: float | np.ndarray = given(1.0, r"\kappa", low=0)
     clutter: float | str = given("estimate", r"\lambda", low=ABOVE_ZERO, choices=["estimate"])
     snr: float = given(None, "d", low=0)
@@ -54,7 +57,9 @@ GOOD = [
     {"rates": (0.4,)},
     {"rates": np.arange(5)},
     {"chain": np.eye(2)},
+    {"legs": ((1, 2), (3, 4), (5, 6))},
     {"lattice": ((1.0, 2.0, 3.0),)},
+    {"cells": (3,)},
     {"scale": [[0.0], [2.0]]},
     {"clutter": 1e-5},
     {"snr": 10},
@@ -67,6 +72,7 @@ BAD = [
     ({"K": 2.0}, "2.0; give an integer"),
     ({"K": True}, "True; give an integer"),
     ({"K": 2**70}, "give an integer"),
+    ({"n": np.uint64(2**63)}, "give an integer"),
     ({"K": np.array(3)}, r"array\(3\); give an integer"),
     ({"p": 0.0}, r"0.0; give a number in \(0, 1\)"),
     ({"p": 1.0}, "1.0; give"),
@@ -78,6 +84,7 @@ BAD = [
     ({"p": 0.5 + 0j}, "give a number"),
     ({"p": [0.5]}, r"\[0.5\]; give a number"),
     ({"level": math.inf}, "inf; give a number that is finite"),
+    ({"level": -math.inf}, "-inf; give a number that is finite"),
     ({"level": 10**400}, "give a number"),
     ({"floor": 90.0}, r"90.0; give a number in \[-inf, 90\)"),
     ({"square": 1}, "1; give True or False"),
@@ -95,6 +102,9 @@ BAD = [
     ({"rates": ((0.1, 0.2), (0.3,))}, "give numbers"),
     ({"chain": ((0.9, 0.1),)}, r"give 2 x 2 numbers in \[0, 1\]"),
     ({"chain": ((0.9, 0.1), (0.2, 1.8))}, "give 2 x 2 numbers"),
+    ({"legs": (1, 2)}, "give numbers"),
+    ({"legs": ((1, 2, 3),)}, "give numbers"),
+    ({"cells": (0.5,)}, "give integers"),
     ({"lattice": ("a", "b")}, "give numbers"),
     ({"scale": [1.0, -1.0]}, r"give a number in \[0, inf\) or numbers in \[0, inf\)"),
     ({"scale": np.ma.masked_less([1.0, 2.0], 1.5)}, "give a number"),
@@ -107,7 +117,7 @@ BAD = [
 
 
 def test_a_field_carries_its_letter_its_unit_and_its_row():
-    K, p = dataclasses.fields(Scenario)[:2]
+    K, _, p = dataclasses.fields(Scenario)[:3]
     assert [K.metadata[key] for key in ("symbol", "unit", "row")] == ["K", "frames", "s4.K"]
     assert p.metadata["row"] == "open"
     assert Scenario().K == 11
