@@ -23,15 +23,21 @@ import reprlib
 import sys
 import types
 import typing
+from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Any
 
 import numpy as np
+
+__all__ = ["ABOVE_ZERO", "BELOW_ONE", "check", "given"]
 
 ABOVE_ZERO, BELOW_ONE = math.ulp(0.0), 1 - 2**-53  # the numbers next to 0 and to 1
 _LARGEST = sys.float_info.max
 
 
 class _Field(typing.NamedTuple):
+    """A field and what it takes; `kinds` are the types that its annotation joins."""
+
     name: str
     kinds: tuple
     default: object
@@ -41,8 +47,14 @@ class _Field(typing.NamedTuple):
 
 
 def given(
-    default=dataclasses.MISSING, symbol="", unit="", row="open", low=None, high=None, choices=()
-):
+    default: Any = dataclasses.MISSING,
+    symbol: str = "",
+    unit: str = "",
+    row: str = "open",
+    low: float | None = None,
+    high: float | None = None,
+    choices: Iterable[str] = (),
+) -> Any:
     """A field of a scenario: its default, its letter in the paper (TeX without dollars), its unit,
     the id of the claim that prints it ("open" where the paper is silent), and what it may be:
     numbers from `low` to `high`, words of `choices`.
@@ -52,7 +64,7 @@ def given(
     return dataclasses.field(default=default, metadata=about)
 
 
-def check(scenario):
+def check(scenario: object) -> None:
     """Raise ValueError, in one line, for the first field that is not what :func:`given` allows.
 
     A default that is outside its own limits is refused too, when the class is first used.
