@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import betainc
 
-from tbdcore.checks import Array, Integer, Numbers, checked, numbers
+from tbdcore.checks import Array, Integer, Numbers, array, checked
 from tbdcore.noise import Frames, Law
 
 __all__ = ["brightest", "delay", "kept_share", "m_of_n", "m_of_n_probability"]
@@ -26,20 +26,22 @@ __all__ += ["masked_rmse", "matched_filter", "mean_se"]
 
 
 def _flags_rule(name, values, sizes=None, compiled=None):
-    """Rule: a Boolean array of at least one axis, none of length 0."""
-    flags = np.asarray(values)
-    if isinstance(values, np.ma.MaskedArray) or flags.dtype != bool or not flags.ndim * flags.size:
+    """Rule: an array of True and False, or 1 and 0, of one axis or more, none of length 0."""
+    flags = array(name, values)
+    whole = flags.dtype.kind in "biu" and ((flags == 0) | (flags == 1)).all()
+    if not (whole and flags.ndim * flags.size):
         raise ValueError(f"{name}: {flags.dtype} of shape {flags.shape}; give a Boolean array")
-    return flags
+    return flags.astype(bool)
 
 
 Flags = Annotated[ArrayLike, _flags_rule]
+Blur = Annotated[ArrayLike, Numbers(..., low=1e-3, high=100.0)]
 Count = Annotated[int, Integer(1, 2**31)]
 Start = Annotated[int, Integer(0)]
 
 
 @checked
-def matched_filter(frames: Frames, blur: ArrayLike, law: Law = "gaussian") -> Array:
+def matched_filter(frames: Frames, blur: Blur, law: Law = "gaussian") -> Array:
     """Matched filter output (K, nx, ny), of mean 0 and variance 1 in white noise.
 
     frames : (K, nx, ny), noise of mean 0 and variance 1 ("gaussian") or power of mean 1
@@ -53,8 +55,9 @@ def matched_filter(frames: Frames, blur: ArrayLike, law: Law = "gaussian") -> Ar
     """
     from scipy.ndimage import correlate1d
 
-    blur = [blur, blur] if np.ndim(blur) == 0 else blur
-    blur = numbers("baseline.matched_filter: blur", blur, 2, low=1e-3, high=100.0)
+    if blur.shape not in ((), (2,)):
+        raise ValueError(f"baseline.matched_filter: blur: shape {blur.shape}; give a number or two")
+    blur = np.broadcast_to(blur, 2)
     known = ~np.isnan(frames)
     match = np.where(known, frames - (law == "exponential"), 0.0)
     energy, whole = known.astype(float), 1.0

@@ -24,6 +24,7 @@ CELLS, LEAST, SIDE, AROUND = 20_000, 1000, 50, 5
 SMALL = 1e-30
 CERTAIN = 2.5758  # standard errors, 99 %
 STEPS = 0.6180339887498949, 0.7548776662466927  # of the windows' places: spread evenly over a frame
+MEAN_SIZE = 0.797  # of a standard normal value that is clipped at +-3
 TO_SLOPE = 0.9033  # mean change of a normal score when ln(exponential power) changes by one
 
 # The size of a condition at which false alarms double, or weak targets are missed.
@@ -38,8 +39,6 @@ TOLERANCE = {
     "next_y": {"gaussian": 0.1, "exponential": 0.1},
     "next_frame": {"gaussian": 0.1, "exponential": 0.1},
 }
-AROUND_ONE = ("tail_1e2", "tail_1e3")  # only more than the law has is a misfit
-UNITS = {"gaussian": ("std", "dB", "std"), "exponential": ("dB", "dB", "of the level")}
 LEVEL = "normalise(frames, clipped(frames))"
 MENDS = {
     "level": LEVEL,
@@ -55,23 +54,29 @@ class Misfit(UserWarning):
 
 
 class Measure(NamedTuple):
-    """A measured value and its standard error."""
+    """A measured value, its standard error, and the tolerance of it."""
 
     value: float
     se: float
+    tolerance: float = math.nan
 
 
 class Fit(NamedTuple):
     """How frames agree with a law of noise; ``print(fit)`` shows it as a table.
 
+    power : whether the law is "exponential"
+    cells : number of cells that were looked at, without those that may be a target's
     level : "gaussian": mean, in standard deviations; "exponential": mean power, in dB
-    spread : "gaussian": standard deviation, in dB; "exponential": width of the middle half, dB
-    slope_x, slope_y : change across the frame, in standard deviations, or as a share of the level
+    spread : "gaussian": standard deviation, in dB; "exponential": width of the middle half, in dB
+    slope_x, slope_y : change across the frame: "gaussian": of the mean or the standard deviation,
+        in standard deviations; "exponential": of the level, as a share of it
     tail_1e2, tail_1e3 : cells in the upper tail, over the number in a tail of 1e-2 and 1e-3
     next_x, next_y, next_frame : correlation to the next cell, and to the cell in the next frame
+
+    A value is NaN where the frames are too few or too small for it.
     """
 
-    law: str
+    power: bool
     cells: int
     level: Measure
     spread: Measure
@@ -85,33 +90,31 @@ class Fit(NamedTuple):
 
     def __str__(self):
         few = f"; fewer than {LEAST}: too few to judge" if self.cells < LEAST else ""
-        rows = [f"{self.law} noise, {self.cells} cells{few}"]
+        rows, exceeded = [f"{self.cells} cells of noise{few}"], self.exceeded()
         for name in TOLERANCE:
-            m, wrong = getattr(self, name), name in self.exceeded()
-            limit = f"tolerance {TOLERANCE[name][self.law]:g}"
-            row = f"{name:<11}{m.value:9.3f} ± {m.se:.3f} {_unit(name, self.law):<12} {limit}"
-            rows.append(row + "  exceeded" * wrong)
+            m, unit = getattr(self, name), _unit(name, self.power)
+            row = f"{name:<11}{m.value:9.3f} ± {m.se:.3f} {unit:<13}tolerance {m.tolerance:g}"
+            rows.append(row + "  exceeded" * (name in exceeded))
         return "\n".join(rows)
 
     def exceeded(self):
         """Names of the conditions that exceed their tolerance with 99 % certainty, worst first."""
-        if self.cells < LEAST:
-            return []
-        excess = {name: _excess(getattr(self, name), name, self.law) for name in TOLERANCE}
-        return sorted((n for n in excess if excess[n] > 0), key=excess.get, reverse=True)
+        excess = {name: _excess(getattr(self, name), name) for name in TOLERANCE}
+        enough = [name for name in excess if excess[name] > 0 and self.cells >= LEAST]
+        return sorted(enough, key=excess.get, reverse=True)
 
 
-def _excess(m, name, law):
-    """By how many tolerances a measured value is certainly above one tolerance."""
-    tolerance = TOLERANCE[name][law]
-    size = m.value if name in AROUND_ONE else abs(m.value)
-    return (size - CERTAIN * m.se) / tolerance - 1 if size == size else -1.0
+def _excess(m, name):
+    """By how many tolerances a measured value is certainly above its tolerance."""
+    size = m.value if name.startswith("tail") else abs(m.value)  # a lighter tail is no misfit
+    return (size - CERTAIN * m.se) / m.tolerance - 1 if size == size else -1.0
 
 
-def _unit(name, law):
+def _unit(name, power):
     kind = name.partition("_")[0]
-    units = dict(zip(("level", "spread", "slope"), UNITS[law], strict=True))
-    return {"tail": "times", "next": ""}.get(kind, units.get(kind, ""))
+    unit = {"spread": "dB", "tail": "times", "next": ""}
+    unit |= {"level": "dB", "slope": "of the level"} if power else {"level": "std", "slope": "std"}
+    return unit[kind]
 
 
 @checked
@@ -137,7 +140,10 @@ def fit(
     fewer = math.prod((1 - r.value) / (1 + r.value) for r in next_ones if r.value > 0)
     slopes = [_slope(y, place, law, at.std, fewer) for place in places]
     tails = [_tail(y, q, *expected, fewer) for q in (1e-2, 1e-3)]
-    return Fit(law, n, *_level(x, at, law, max(n * fewer, 1.0)), *slopes, *tails, *next_ones)
+    found = [*_level(x, at, law, max(n * fewer, 1.0)), *slopes, *tails, *next_ones]
+    limits = [TOLERANCE[name][law] for name in TOLERANCE]
+    measures = [m._replace(tolerance=limit) for m, limit in zip(found, limits, strict=True)]
+    return Fit(law == "exponential", n, *measures)
 
 
 def _windows(z):
@@ -183,17 +189,21 @@ def _scores(x, law, at):
 def _bright(y):
     """Where targets may be, and how many cells are left in each window of a frame, of how many.
 
-    The largest of a window, and what one window in a hundred would show, with their neighbours.
+    The largest of a window, and what one window in a hundred would show, with their neighbours.  A
+    largest one of the second kind is a target: what is left then is not "all but the largest".
     """
     from scipy.ndimage import maximum_filter
 
     filled = np.where(np.isnan(y), -np.inf, y)
     largest = filled.max(axis=(2, 3), keepdims=True)
-    limit = np.minimum(largest, -ndtri(0.01 / (y.shape[2] * y.shape[3])))
+    target = -ndtri(0.01 / (y.shape[2] * y.shape[3]))
+    limit = np.minimum(largest, target)
     side = 2 * min(AROUND, min(y.shape[2:]) // 4) + 1
     bright = maximum_filter((filled >= limit).view(np.int8), (1, 1, side, side)) > 0
+    bright &= bright.mean() < 0.5  # more than half of the cells are no targets
     known = y == y
-    return bright, ((known & ~bright).sum(axis=(2, 3)), known.sum(axis=(2, 3)))
+    of = np.where(largest[..., 0, 0] > target, 10**9, known.sum(axis=(2, 3)))
+    return bright, ((known & ~bright).sum(axis=(2, 3)), of)
 
 
 def _tail(y, q, left, known, fewer):
@@ -225,16 +235,20 @@ def _correlation(y, axis):
 
 
 def _slope(y, place, law, std, fewer):
-    """Change of the noise across the frame, by least squares on clipped scores."""
+    """Change across the frame, by least squares on clipped scores.
+
+    Of the level; in normal noise of the mean or the standard deviation, what is more certain.
+    """
     y, u = np.broadcast_arrays(np.clip(y, -3.0, 3.0), place)
     y, u = y[y == y], u[y == y]
     u = u - (u.mean() if u.size else 0.0)
     total = float(u @ u)
     if total < 1e-9:
         return Measure(math.nan, math.nan)
-    unit = float(std) if law == "gaussian" else 1 / TO_SLOPE
-    se = unit * float(y.std()) / math.sqrt(total * fewer)
-    return Measure(unit * float(u @ y) / total, se)
+    parts = [(y, std), (abs(y), std / MEAN_SIZE)] if law == "gaussian" else [(y, 1 / TO_SLOPE)]
+    found = [(unit * float(u @ v), unit * float(v.std()) * math.sqrt(total)) for v, unit in parts]
+    slope, se = max(found, key=lambda pair: abs(pair[0]) / max(pair[1], SMALL))
+    return Measure(slope / total, se / total / math.sqrt(fewer))
 
 
 def _level(x, at, law, n):
@@ -268,12 +282,11 @@ def warn_misfit(
 
 def _line(found, names):
     """What does not fit, by how much, what it does, and which function mends it."""
-    name, law = names[0], found.law
-    m = getattr(found, name)
-    size = f"{m.value:.3g} ± {m.se:.1g} {_unit(name, law)}".rstrip()
-    limit = f"tolerance {TOLERANCE[name][law]:g}"
+    name, m = names[0], getattr(found, names[0])
+    size = f"{m.value:.3g} ± {m.se:.1g} {_unit(name, found.power)}".rstrip()
     rises = m.value > 0 or name not in ("level", "spread")
     effect = "more false alarms than promised" if rises else "weak targets are missed"
     more = f"; also {', '.join(names[1:])}" if names[1:] else ""
     mend = MENDS[name.partition("_")[0]]
-    return f"frames: {name} of the noise is {size} ({limit}): {effect}; recording.{mend}{more}"
+    noise = f"frames: {name} of the noise is {size} (tolerance {m.tolerance:g})"
+    return f"{noise}: {effect}; recording.{mend}{more}"

@@ -79,6 +79,8 @@ def _medians(z, law, axis):
     """Mean and standard deviation by medians along an axis."""
     if not (z == z).any():
         raise ValueError("recording: frames: all cells are NaN; give at least one known cell")
+    if law == "exponential" and (z < 0).any():
+        raise ValueError("recording: frames: negative power; give abs(z)**2, not decibels")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a cell without values is NaN
         middle = np.nanmedian(z, axis=axis)
@@ -320,29 +322,25 @@ def threshold(
 # Plots from cells
 
 
-def _one_frame(name, value, sizes=None, compiled=None):
-    """Rule: a frame, or None."""
-    return None if value is None else Numbers("nx", "ny", nan=True)(name, value, sizes)
-
-
 Pair = Annotated[ArrayLike, Numbers(2)]
 
 
 @checked
 def plots(
-    frame: Annotated[Any, _one_frame],
+    frames: Frames,
     eta: Annotated[float, Number(-1e50, 1e50)],
     law: Law = "gaussian",
     origin: Pair = (0.0, 0.0),
     cell: Pair = (1.0, 1.0),
-) -> Any:
-    """Plots (n, 5) of a frame (nx, ny): place on both axes, strength, accuracy on both axes.
+) -> list:
+    """Plots of each frame: a list of (n, 5), place on both axes, strength, accuracy on both axes.
 
-    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz
-    1966).  NaN cells are never above it; None, a frame that was not taken, stays None.
+    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz 1966).  NaN
+    cells are not above it.  A frame that is missing, all NaN, gives None: no scan was taken; one in
+    which nothing is above eta gives (0, 5).
 
-    frame : noise of mean 0 and variance 1, or power of mean 1 ("exponential")
-    eta : threshold, in the unit of the frame, above the noise's mean
+    frames : noise of mean 0 and variance 1, or power of mean 1 ("exponential")
+    eta : threshold, in the unit of the frames, above the noise's mean
     origin, cell : place of the centre of cell (0, 0), and size of a cell, on each axis.  With
         range (m) and azimuth (rad) the columns are those of chapter 04.  Chapter 05 takes x, y and
         the amplitude sqrt(2 power): [r cos(a), r sin(a), sqrt(2 strength)].
@@ -352,12 +350,12 @@ def plots(
     sqrt(2 / pi) cells over the amplitude in units of the noise (Winick 1986), and the rounding to
     cells, 1 / sqrt(12) of a cell for a plot of one row, less for more.
     """
-    if frame is None:
-        return None
     mean = float(law == "exponential")
     if eta <= mean:
         raise ValueError(f"recording.plots: eta: {eta:g} is not above the noise's mean, {mean:g}")
-    return _centroids(frame, frame > eta, mean, origin, cell)
+    taken = (frames == frames).any(axis=(1, 2))
+    found = zip(taken, frames, strict=True)
+    return [_centroids(z, z > eta, mean, origin, cell) if known else None for known, z in found]
 
 
 def _centroids(frame, above, mean, origin, cell):
@@ -531,7 +529,12 @@ def _profile(place, n, blur):
     return np.nan_to_num(h, nan=0.0)
 
 
-def found_share(found: Callable, strengths: ArrayLike, trials: int) -> tuple[Array, Array]:
+@checked
+def found_share(
+    found: Callable,
+    strengths: Annotated[ArrayLike, Numbers("n")],
+    trials: Annotated[int, Integer(1, 10**7)],
+) -> tuple[Array, Array]:
     """Operating characteristic on a recording: share found at each strength, and its error.
 
     found : found(strength, n) -> bool, trial n: put a target into own frames with :func:`inject`,
@@ -539,6 +542,5 @@ def found_share(found: Callable, strengths: ArrayLike, trials: int) -> tuple[Arr
     """
     from tbdcore.score import proportion
 
-    strengths = numbers("recording.found_share: strengths", strengths, "n")
     hits = [[bool(found(s, n)) for n in range(trials)] for s in strengths.tolist()]
     return proportion(np.sum(hits, axis=1), trials)

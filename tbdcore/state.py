@@ -14,14 +14,17 @@ import os
 import tempfile
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+
+__all__ = ["load", "save"]
 
 FORMAT = "tbdcore state 1"
 BIT_GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 
 
-def save(file, state, rng=None):
+def save(file: str | os.PathLike, state: Any, rng: np.random.Generator | None = None) -> None:
     """Write a state, and the generator that goes with it, into one .npz file.
 
     The file is written beside and then renamed: it is the old one or the new one, never half.
@@ -41,7 +44,7 @@ def save(file, state, rng=None):
     os.replace(part.name, file)
 
 
-def load(file, *modules):
+def load(file: str | os.PathLike, *modules: Any) -> tuple[Any, np.random.Generator | None]:
     """The (state, generator) of a file; the generator is None if none was saved.
 
     modules : where the types of the state are defined, as ``tbdcore.page("mda_tbd")``; none is
