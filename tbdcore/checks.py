@@ -20,14 +20,14 @@ import functools
 import inspect
 import operator
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numba import typeof
 
 from tbdcore.jit import kernel
 
-__all__ = ["Flag", "Integer", "Integers", "Number", "Numbers", "Random"]
+__all__ = ["Array", "Flag", "Integer", "Integers", "Number", "Numbers", "Random"]
 __all__ += ["array", "checked", "integer", "integers", "number", "numbers"]
 
 MOST = float(np.finfo(float).max)
@@ -36,7 +36,11 @@ Array = np.ndarray
 Function = TypeVar("Function", bound=Callable)
 
 
-def checked(function: Function | None = None, *, inside: Any = None) -> Any:
+@overload
+def checked(function: Function) -> Function: ...
+@overload
+def checked(*, inside: Callable) -> Callable[[Function], Function]: ...
+def checked(function=None, *, inside=None):
     """Apply the rules in the annotations of a function, compiled or not, to its arguments.
 
     Kernels that call it get the compiled function without these checks: ``inside``, if given.
