@@ -25,16 +25,20 @@ __all__ = ["brightest", "delay", "kept_share", "m_of_n", "m_of_n_probability"]
 __all__ += ["masked_rmse", "matched_filter", "mean_se"]
 
 
-def _flags_rule(name, values, sizes=None, compiled=None):
+class FlagsRule:
     """Rule: an array of True and False, or 1 and 0, of one axis or more, none of length 0."""
-    flags = array(name, values)
-    whole = flags.dtype.kind in "biu" and ((flags == 0) | (flags == 1)).all()
-    if not (whole and flags.ndim * flags.size):
-        raise ValueError(f"{name}: {flags.dtype} of shape {flags.shape}; give a Boolean array")
-    return flags.astype(bool)
+
+    limited, any_axes = False, True
+
+    def __call__(self, name, values, sizes, compiled=None):
+        flags = array(name, values)
+        whole = flags.dtype.kind in "biu" and ((flags == 0) | (flags == 1)).all()
+        if not (whole and flags.ndim * flags.size):
+            raise ValueError(f"{name}: {flags.dtype} of shape {flags.shape}; give True and False")
+        return flags.astype(bool)
 
 
-Flags = Annotated[ArrayLike, _flags_rule]
+Flags = Annotated[ArrayLike, FlagsRule()]
 Blur = Annotated[ArrayLike, Numbers(..., low=1e-3, high=100.0)]
 Count = Annotated[int, Integer(1, 2**31)]
 Start = Annotated[int, Integer(0)]

@@ -26,37 +26,54 @@ __all__ += ["louder", "sloped", "smoothed", "with_gaps"]
 
 TINY = np.finfo(float).tiny
 LAWS = ("gaussian", "exponential")
-_STACK = Numbers("K", "nx", "ny", nan=True, single=True)
 
 
-def frames_rule(name, values, sizes=None, compiled=None):
+class FramesRule:
     """Rule: frames (K, nx, ny); a missing one of a list, None, becomes NaN."""
-    if isinstance(values, (list, tuple)) and any(frame is None for frame in values):
-        shapes = {np.shape(frame) for frame in values if frame is not None}
-        if not shapes:
-            raise ValueError(f"{name}: every frame is missing; give at least one")
-        values = [np.full(min(shapes), np.nan) if frame is None else frame for frame in values]
-    z = _STACK(name, values, {} if sizes is None else sizes)
-    if not z.size:
-        raise ValueError(f"{name}: shape {z.shape} has no cells; give (K, nx, ny)")
-    return z
+
+    limited, stack = True, Numbers("K", "nx", "ny", nan=True, single=True)
+    limit = stack.limit
+
+    def __call__(self, name, values, sizes, compiled=None):
+        if isinstance(values, (list, tuple)) and any(frame is None for frame in values):
+            shapes = {np.shape(frame) for frame in values if frame is not None}
+            if not shapes:
+                raise ValueError(f"{name}: every frame is missing; give at least one")
+            values = [np.full(min(shapes), np.nan) if z is None else z for z in values]
+        z = self.stack(name, values, sizes)
+        if not z.size:
+            raise ValueError(f"{name}: shape {z.shape} has no cells; give (K, nx, ny)")
+        return z
 
 
-def law_rule(name, value, sizes=None, compiled=None):
+class LawRule:
     """Rule: the name of a law of noise."""
-    if not isinstance(value, str) or value not in LAWS:
-        raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(LAWS)}")
-    return value
+
+    limited = True
+
+    def __call__(self, name, value, sizes, compiled=None):
+        self.limit(name, value)
+        return value
+
+    def limit(self, name, value):
+        """ValueError unless the value is a name in LAWS."""
+        if not isinstance(value, str) or value not in LAWS:
+            raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(LAWS)}")
 
 
-def _shape_rule(name, value, sizes=None, compiled=None):
-    value = value if isinstance(value, (tuple, list)) else (value,)
-    return tuple(Integer(1, 2**40)(name, n) for n in value)
+class ShapeRule:
+    """Rule: a positive integer, or some of them."""
+
+    limited = False
+
+    def __call__(self, name, value, sizes, compiled=None):
+        value = value if isinstance(value, (tuple, list)) else (value,)
+        return tuple(Integer(1, 2**40)(name, n) for n in value)
 
 
-Frames = Annotated[Any, frames_rule]
-Law = Annotated[str, law_rule]
-Shape = Annotated[tuple, _shape_rule]
+Frames = Annotated[Any, FramesRule()]
+Law = Annotated[str, LawRule()]
+Shape = Annotated[tuple, ShapeRule()]
 Generator = Annotated[np.random.Generator, Random()]
 Nu = Annotated[float, Number(1e-3, 100.0)]
 Correlation = Annotated[ArrayLike, Numbers("d", low=0.0, high=0.9999)]

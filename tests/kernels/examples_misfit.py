@@ -10,6 +10,6 @@ def frames():
 
 
 EXAMPLES = {
-    "fit": lambda: {"frames": frames(), "mean": 3.0, "std": 2.0},
-    "warn_misfit": lambda: {"frames": frames(), "mean": 3.0, "std": 2.0},
+    "fit": lambda: {"frames": frames(), "law": "gaussian", "mean": 3.0, "std": 2.0},
+    "warn_misfit": lambda: {"frames": frames(), "law": "gaussian", "mean": 3.0, "std": 2.0},
 }

@@ -20,7 +20,7 @@ def frames(*shape):
 EXAMPLES = {
     "level": lambda: {"frames": frames()},
     "background": lambda: {"frames": frames()},
-    "clipped": lambda: {"frames": frames(), "size": 5},
+    "clipped": lambda: {"frames": frames(), "law": "gaussian", "size": 5},
     "normalise": lambda: {"frames": frames(), "at": Level(3.0, 1.0)},
     "empirical_law": lambda: {"noise": frames(3, 30, 30), "tail": 0.125},
     "normal_scores": lambda: {"frames": frames(), "law": stats.norm(3.0, 1.0)},
@@ -37,13 +37,14 @@ EXAMPLES = {
         "independent": 30,
     },
     "plots": lambda: {
-        "frames": frames(),
+        "frames": frames(1, 6, 7),
         "eta": 4.0,
+        "law": "gaussian",
         "origin": np.array([1000.0, 0.5]),
         "cell": np.array([10.0, 0.25]),
     },
     "merge_plots": lambda: {"scan": np.array([[0.0, 0, 1], [3, 0, 5], [9, 0, 2]]), "distance": 4.0},
-    "blur_of": lambda: {"frames": frames(20, 12, 12), "eta": 4.0, "half": 2},
+    "blur_of": lambda: {"frames": frames(20, 12, 12), "law": "gaussian", "eta": 4.0, "half": 2},
     "bin_cells": lambda: {"frames": frames(), "n": 2},
     "inject": lambda: {
         "frames": frames(3, 6, 7),
