@@ -51,7 +51,7 @@ def load(file: str | os.PathLike, *modules: Any) -> tuple[Any, np.random.Generat
         needed for tuples, lists, dicts, arrays and numbers.
     """
     try:
-        with np.load(file, allow_pickle=False) as stored:
+        with open(file, "rb") as opened, np.load(opened, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
             arrays = [stored[f"a{n}"] for n in range(len(stored.files) - 1)]
         if head["format"] != FORMAT:
