@@ -58,7 +58,7 @@ def read_and_divide(z, rho, alpha, spread):
 def whole_trial(page, p):
     """Frames, filter and history of one trial."""
     rng = np.random.default_rng(2)
-    return page.run(page.simulate(p, rng, rng), p, rng)
+    return page.recursion(page.simulate(p, rng, rng), p, rng)
 
 
 def rows():

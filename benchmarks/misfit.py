@@ -181,7 +181,7 @@ def false_03(n):
     p = page.scenario(64, 48, 5.0, 0.01, 2000.0, sd_r=1.0, sd_a=1.5)
     streams = [np.random.default_rng([i, 2]) for i in range(n)]
     return lambda frames: np.mean(
-        [page.run(z, p, rng).existence > 0.5 for z, rng in zip(frames, streams, strict=True)]
+        [page.recursion(z, p, rng).existence > 0.5 for z, rng in zip(frames, streams, strict=True)]
     )
 
 

@@ -613,7 +613,7 @@ def test_a_cell_without_a_value_has_log_ratio_0(likelihood):
     z[draw.random(z.shape) < 0.3] = np.nan
     rho, alpha, snr = draw.uniform(0, 26, 60), draw.uniform(0, 16, 60), draw.uniform(0, 9, 60)
     snr[:20] = 0.0
-    filled, unknown = page.split(z)
+    filled, unknown = page.find_gaps(z)
     levels = 10 ** (np.array([0.0, 4.0, 8.0, 12.0]) / 10)
     expected = []
     for r, a, s in zip(rho, alpha, snr, strict=True):
