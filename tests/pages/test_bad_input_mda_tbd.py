@@ -218,3 +218,6 @@ def test_what_the_cases_change_is_good():
     assert page.step(START, Z[0], P, rng())[0].k == 1
     assert page.run([*Z[:2], None, *Z[2:]], P, rng()).existence.shape == (6,)
     assert page.run(Z[:1], P, rng(), START).existence.shape == (1,)
+    tiny = page.scenario(2, 3, 4.0, 0.02, 800.0, N=5, B=5, window=2)
+    few = rng().standard_exponential((40, 2, 3))
+    assert page.run(few, tiny, rng()).existence.shape == (40,)

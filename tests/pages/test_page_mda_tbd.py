@@ -591,6 +591,7 @@ def test_a_frame_that_was_not_taken_is_no_evidence(options):
     assert abs(track.log_evidence[9]) > 1e-3
     z[10] = np.full((24, 14), np.nan)
     assert same(page.run(z, p, rng(67)), track)
+    assert same(page.recursion(z, p, rng(67)), track)
 
 
 def test_a_gap_puts_no_sample_into_the_histories():
