@@ -2,8 +2,10 @@
 complete or fails.
 """
 
+import csv
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -278,10 +280,10 @@ def test_the_power_of_the_docstring():
     assert 0.88 < share_of("differs", 100, 6, offset=0.55) < 0.92
 
 
-def test_luck_is_the_chance_of_the_printed_sign():
+def test_the_probability_of_the_printed_sign():
     """Our margin -1 with a negligible error, and 100 runs of the paper with an error of 1 each."""
-    assert claims.luck(-0.1, 0.001, 1_000_000, 100) == pytest.approx(0.1587, abs=1e-3)
-    assert math.isnan(claims.luck(-0.1, 0.0))
+    assert claims.sign_probability(-0.1, 0.001, 1_000_000, 100) == pytest.approx(0.1587, abs=1e-3)
+    assert math.isnan(claims.sign_probability(-0.1, 0.0))
 
 
 def test_a_printed_nought_is_judged_by_the_step_of_its_print(tmp_path):
@@ -320,9 +322,9 @@ def test_words_stand_alone_where_chance_has_no_part(tmp_path):
     assert book.check("b", 0.3, shown="A is 1.3, B is 1").measured == "A is 1.3, B is 1"
 
 
-def test_luck_that_nobody_has_is_not_spelled_out(tmp_path):
+def test_a_probability_of_nearly_nought_is_not_spelled_out(tmp_path):
     row = "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B; runs = 50,measured,not excluded"
-    assert ledger(tmp_path, HEADER, row).check("b", -9.0, se=0.1, n=50).luck == "< 1e-9"
+    assert ledger(tmp_path, HEADER, row).check("b", -9.0, se=0.1, n=50).sign_probability == "< 1e-9"
 
 
 def test_an_open_ordering_says_how_likely_the_paper_prints_it(tmp_path):
@@ -330,7 +332,7 @@ def test_an_open_ordering_says_how_likely_the_paper_prints_it(tmp_path):
     verdict = ledger(tmp_path, HEADER, row).check("b", [-0.1, 3.0], se=[0.1, 0.1], n=200)
     assert (verdict.verdict, verdict.measured) == ("inconclusive", "least margin -0.10")
     assert verdict.z == "-1.0"
-    assert verdict.luck == f"{stats.norm.cdf(-1 / math.sqrt(1 + 200 / 50)):.2g}"
+    assert verdict.sign_probability == f"{stats.norm.cdf(-1 / math.sqrt(1 + 200 / 50)):.2g}"
 
 
 @pytest.mark.parametrize(("runs", "known"), [((50, 50), 50), ((50, 60), None)])
@@ -341,17 +343,17 @@ def test_an_ordering_takes_the_runs_that_all_other_rules_name(tmp_path, runs, kn
     book = ledger(
         tmp_path, HEADER, *numbers, "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B,measured,"
     )
-    chance = f"{claims.luck(-0.1, 0.1, 200, known):.2g}" if known else ""
-    assert book.check("b", -0.1, se=0.1, n=200).luck == chance
+    chance = f"{claims.sign_probability(-0.1, 0.1, 200, known):.2g}" if known else ""
+    assert book.check("b", -0.1, se=0.1, n=200).sign_probability == chance
 
 
 @pytest.mark.parametrize("paper", claims.papers())
-def test_each_open_ordering_has_its_luck(paper):
+def test_each_open_ordering_has_its_probability(paper):
     """In the committed verdicts, wherever chance has a part."""
     table, rows = claims.verdicts(paper), claims.read(paper)
     open_ = table[table["verdict"].isin(["differs", "inconclusive"]) & (table["n"] != "")]
     for row in open_[open_["se"] != ""].itertuples():
-        assert bool(row.luck) == (rows[row.id].kind != "number"), row.id
+        assert bool(row.sign_probability) == (rows[row.id].kind != "number"), row.id
 
 
 def test_a_page_takes_the_numbers_of_a_rule_from_the_file(tmp_path):
@@ -437,7 +439,7 @@ def test_a_row_that_repeats_has_the_verdict_of_its_original(tmp_path):
         book.check("a.order", 1.0, se=0.1)
         assert book.check("b", margin, se=0.1).evidence == "repeats a.order"
         assert len(book.table()) == 4
-    book = ledger(tmp_path, *GOOD, again.replace("measured,", "measured,luck"))
+    book = ledger(tmp_path, *GOOD, again.replace("measured,", "measured,a slip"))
     book.used("a.in", 500)
     book.check("a.num", 287.1)
     book.check("a.order", 1.0, se=0.1)
@@ -558,10 +560,10 @@ def test_a_changed_scenario_is_an_error_in_a_default_run(tmp_path):
     assert book.verdicts["a.in"].verdict == "differs"
 
 
-VERDICTS = """id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause
-mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.0,,reproduced,measured,
-order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.0,,reproduced,measured,
-price,text,price,cheap,,,,,,untestable,,An opinion.
+VERDICTS = f"""{",".join(claims.Verdict._fields)}
+mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.0,,reproduced,,measured,
+order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.0,,reproduced,,measured,
+price,text,price,cheap,,,,,,untestable,,,An opinion.
 """
 
 
@@ -576,9 +578,9 @@ def test_the_scorecard_counts(repository):
     enter(repository, VERDICTS)
     card = claims.scorecard()
     assert list(card["paper"]) == ["tiny", "all"]
-    columns = ["claims", *(f"measured: {v}" for v in ("reproduced", "differs", "inconclusive"))]
+    columns = ["claims", *(f"measured: {v}" for v in claims.JUDGED)]
     columns += ["calibrated", "constructed", "repeats", "untestable", "used"]
-    assert card[columns].to_numpy().tolist() == [[3, 2, 0, 0, 0, 0, 0, 1, 0]] * 2
+    assert card[columns].to_numpy().tolist() == [[3, 2, 0, 0, 0, 0, 0, 0, 1, 0]] * 2
     assert list(card["differs by chance, about"]) == ["0.02", "0.02"]
     rows = claims.ledger()[["paper", "id", "verdict"]].to_numpy().tolist()
     assert rows == [
@@ -617,8 +619,46 @@ def test_the_committed_claims_can_be_read(paper):
 # Rules ---------------------------------------------------------------------------------------
 
 
+_ENTRY = re.compile(
+    r"^## (?P<paper>\w+) (?P<id>\S+)$"
+    r".*?^- was \((?P<old>\w{8})\): (?P<was>.*?)$.*?^- is \((?P<new>\w{8})\): (?P<is>.*?)$",
+    re.MULTILINE | re.DOTALL,
+)
+
+
+def history():
+    """Replay data/claims/CHANGES.md; returns complaints, one line each, empty if all is listed.
+
+    ``declared.csv`` beside it has the digest of each rule as it was first declared.  Each entry
+    leads from one digest to the next, and the last one is that of the present rule.
+    """
+    text = paths.CLAIMS.joinpath("CHANGES.md").read_text(encoding="utf-8")
+    lines = paths.CLAIMS.joinpath("declared.csv").read_text(encoding="utf-8").splitlines()
+    now = {(paper, id): declared for paper, id, declared in csv.reader(lines[1:])}
+    wrong = []
+    for entry in _ENTRY.finditer(text):
+        key, old, new = entry.group("paper", "id"), entry["old"], entry["new"]
+        where = f"CHANGES.md, {' '.join(key)}"
+        if claims.rule_digest(entry["was"]) != old or claims.rule_digest(entry["is"]) != new:
+            wrong.append(f"{where}: a digest is not that of its rule")
+        if now.get(key, "") != old:
+            wrong.append(f"{where}: the rule before it was {now.get(key)}")
+        now[key] = new
+    for paper in claims.papers():
+        for number, claim in enumerate(claims.read(paper).values(), start=2):
+            declared = now.pop((paper, claim.id), claims.rule_digest(""))
+            if declared != claims.rule_digest(claim.rule):
+                said = (
+                    f"changed without an entry in CHANGES.md (now {claims.rule_digest(claim.rule)})"
+                )
+                wrong.append(
+                    str(claims.fault(f"{paper}.csv", number, "rule", f"{claim.id}: {said}"))
+                )
+    return wrong + [f"declared.csv: {' '.join(key)} is no row" for key in now]
+
+
 def test_every_changed_rule_is_listed():
-    assert claims.history() == []
+    assert history() == []
 
 
 def changed(repository, rule, entries=""):
@@ -631,7 +671,7 @@ def changed(repository, rule, entries=""):
     (paths.CLAIMS / "declared.csv").write_text("\n".join(lines))
     (paths.CLAIMS / "CHANGES.md").write_text(f"# Changes\n\n{entries}")
     file.write_text(file.read_text().replace(first, rule))
-    return claims.history()
+    return history()
 
 
 def entry(old, new):

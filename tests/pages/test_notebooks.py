@@ -231,7 +231,7 @@ def test_every_claim_of_the_paper_has_its_verdict(paper):
     assert set(table["verdict"]) <= set(claims.VERDICTS)
     for row in table.itertuples():
         claim = rows[row.id]
-        judged = row.verdict in ("reproduced", "differs", "inconclusive")
+        judged = row.verdict in claims.JUDGED
         assert judged == bool(claim.rule) == bool(row.evidence), row.id
         assert row.verdict != "used" or claim.kind == "input", row.id
         assert bool(row.cause) == (row.verdict in ("differs", "untestable")), row.id
