@@ -253,8 +253,8 @@ def test_quantiles_are_of_the_level_of_two_point_six():
     level = math.erfc(2.6 / math.sqrt(2))
     assert claims.quantile() == pytest.approx(2.6, rel=1e-12)
     assert claims.quantile(60) == claims.quantile()
-    t = stats.t.isf(level / 2, 29)
-    assert claims.quantile(30) == pytest.approx(t, rel=1e-9)
+    for n in (2, 30, 45, 59):
+        assert claims.quantile(n) == pytest.approx(stats.t.isf(level / 2, n - 1), rel=1e-9)
     assert claims.quantile(points=5) == pytest.approx(stats.norm.isf(level / 10), rel=1e-9)
 
 
@@ -325,6 +325,12 @@ def test_words_stand_alone_where_chance_has_no_part(tmp_path):
 def test_a_probability_of_nearly_nought_is_not_spelled_out(tmp_path):
     row = "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B; runs = 50,measured,not excluded"
     assert ledger(tmp_path, HEADER, row).check("b", -9.0, se=0.1, n=50).sign_probability == "< 1e-9"
+
+
+def test_the_error_is_that_of_the_margin_that_decides(tmp_path):
+    row = "b,Fig. 4,A beats B,,A > B,,ordering,Sec. 1,A less B,measured,"
+    found = ledger(tmp_path, HEADER, row).check("b", [9.0, 1.0, 8.0], se=[0.3, 0.2, 0.4], n=100)
+    assert (found.measured, found.se, found.z) == ("least margin 1.00", "0.2", "5.0")
 
 
 def test_an_open_ordering_says_how_likely_the_paper_prints_it(tmp_path):
@@ -699,3 +705,178 @@ def test_a_broken_chain_is_found(repository):
     assert any("the rule before it was" in w for w in changed(repository, third, entry("x", third)))
     forged = entry(first, third).replace(claims.rule_digest(third), "00000000")
     assert any("a digest is not that" in w for w in changed(repository, third, forged))
+
+
+# Readings ------------------------------------------------------------------------------------
+
+READINGS = ",".join(claims.Reading._fields)
+WEIGHTS = "toy,weights,p. 3: the weight of a sample,own cell;gated;single,own cell,a.num,"
+
+
+def with_readings(folder, *lines, claims=GOOD):
+    """The folder of a claims file `toy`, beside which is a file of readings."""
+    (folder / "claims").mkdir(exist_ok=True)
+    (folder / "readings.csv").write_text("\n".join([READINGS, *lines, ""]))
+    return written(folder / "claims", *claims)
+
+
+def flown(default, *values, error=0.001, names=("gated", "single")):
+    """The options of a reading under which the range that is printed as 287.10 has these values."""
+    return {
+        name: claims.Option(value, value - default, error, se=0.001, n=400)
+        for name, value in zip(names, values, strict=True)
+    }
+
+
+def judged(folder, default, readings, line=WEIGHTS, claims=GOOD):
+    book = Ledger("toy", True, with_readings(folder, *line.splitlines(), claims=claims))
+    return book.check("a.num", default, se=0.001, n=400, readings=readings)
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict", "told"),
+    [
+        ((287.1, 287.1, 287.3), "depends", "2 of 3: {}reproduced, {}reproduced, {}differs"),
+        ((287.3, 287.3, 287.1), "depends", "1 of 3: {}differs, {}differs, {}reproduced"),
+        ((287.1, 287.1, 287.1), "reproduced", "3 of 3: {}reproduced, {}reproduced, {}reproduced"),
+        ((287.3, 287.4, 287.5), "differs", "0 of 3: {}differs, {}differs, {}differs"),
+    ],
+)
+def test_a_verdict_that_hangs_on_a_reading_depends(tmp_path, values, verdict, told):
+    found = judged(tmp_path, values[0], {"weights": flown(*values)})
+    assert (found.verdict, found.evidence) == (verdict, "measured")
+    assert found.readings == told.format("own cell ", "gated ", "single ")
+    assert found.measured == f"{values[0]:.4f}", "of the default"
+
+
+@pytest.mark.parametrize(("errors", "verdict"), [(2.80, "reproduced"), (2.86, "depends")])
+def test_a_difference_that_chance_explains_makes_no_verdict_depend(tmp_path, errors, verdict):
+    """Bonferroni's quantile of two differences is 2.83."""
+    options = flown(287.1, 287.1, 287.3, error=0.2 / errors)
+    assert judged(tmp_path, 287.1, {"weights": options}).verdict == verdict
+
+
+@pytest.mark.parametrize(("errors", "verdict"), [(2.80, "reproduced"), (2.86, "depends")])
+def test_each_margin_has_its_difference(tmp_path, errors, verdict):
+    folder = with_readings(tmp_path, WEIGHTS.replace("gated;", "").replace("a.num", "a.order"))
+    option = claims.Option([-3.0, 5.0], [-errors, 0.0], [1.0, 1.0], se=[0.5, 1.0], n=400)
+    check = Ledger("toy", True, folder).check
+    found = check("a.order", [5.0, 5.0], se=1.0, n=400, readings={"weights": {"single": option}})
+    assert found.verdict == verdict
+
+
+def test_without_chance_every_difference_counts(tmp_path):
+    folder = with_readings(tmp_path, WEIGHTS.replace("gated;", "").replace("a.num", "a.order"))
+    readings = {"weights": {"single": claims.Option(False, 1.0)}}
+    found = Ledger("toy", True, folder).check("a.order", True, shown="7 of 7", readings=readings)
+    assert (found.verdict, found.measured) == ("depends", "7 of 7")
+
+
+def test_an_open_default_depends_when_two_others_contradict_one_another(tmp_path):
+    options = flown(287.2, 287.1, 287.3)
+    book = Ledger("toy", True, with_readings(tmp_path, WEIGHTS))
+    found = book.check("a.num", 287.2, se=0.1, n=400, readings={"weights": options})
+    assert found.readings.startswith("1 of 3: own cell inconclusive")
+    assert found.verdict == "depends"
+
+
+@pytest.mark.parametrize(
+    ("evidence", "verdict"), [("calibrated", "reproduced"), ("constructed", "reproduced")]
+)
+def test_a_row_that_no_experiment_decides_keeps_its_verdict(tmp_path, evidence, verdict):
+    lines = [line.replace("measured", evidence) for line in GOOD]
+    found = judged(tmp_path, 287.1, {"weights": flown(287.1, 287.1, 287.3)}, claims=lines)
+    assert (found.verdict, found.readings[:6]) == (verdict, "2 of 3")
+    assert judged(tmp_path, 287.1, None, claims=lines).readings == ""
+
+
+def test_two_readings_are_flown_one_at_a_time(tmp_path):
+    lines = f"{WEIGHTS}\ntoy,births,a gap,all;new;none,all,a.*,none: 40 misses where 2 are printed"
+    readings = {"weights": flown(287.1, 287.1, 287.1), "births": flown(287.1, 287.3, names=["new"])}
+    found = judged(tmp_path, 287.1, readings, lines)
+    said = "weights gated reproduced, weights single reproduced, births new differs"
+    assert (found.verdict, found.readings) == ("depends", f"3 of 4: default reproduced, {said}")
+
+
+def test_a_row_that_depends_has_no_cause_and_its_repeats_depend_too(tmp_path):
+    again = "b,Sec. 3,range,,287.10,km,number,Sec. 3,As a.num,repeats a.num,"
+    lines = [HEADER, GOOD[2], again]
+    folder = with_readings(tmp_path, WEIGHTS.replace("a.num", "a.num; b"), claims=lines)
+    readings = {"weights": flown(287.1, 287.1, 287.3)}
+    book = Ledger("toy", True, folder)
+    for id in ("a.num", "b"):
+        book.check(id, 287.1, se=0.001, n=400, readings=readings)
+    table = book.table()
+    assert list(table["verdict"]) == ["depends"] * 2
+    count = claims.counts(table)
+    assert (count["measured: depends"], count["measured: reproduced"], count["repeats"]) == (
+        1,
+        0,
+        1,
+    )
+    assert book.summary() == "2 depends"
+    book.claims["a.num"] = book.claims["a.num"]._replace(cause="a slip; section 9")
+    with pytest.raises(ValueError, match=r"a\.num is depends but the file gives a cause"):
+        book.table()
+
+
+BAD_OPTIONS = {
+    "none": (None, "of reading 'weights' the other options are gated, single, given are none"),
+    "one is missing": ({"weights": flown(287.1, 287.1, names=["gated"])}, "given are gated"),
+    "unknown option": (
+        {"weights": flown(287.1, 287.1, 287.1, names=["gated", "singel"])},
+        "given are gated, singel",
+    ),
+    "unknown reading": (
+        {"weight": flown(287.1, 287.1, 287.1)},
+        "readings.csv has no 'weight' for this row; the nearest is 'weights'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("readings", "message"), BAD_OPTIONS.values(), ids=BAD_OPTIONS)
+def test_a_row_is_judged_under_exactly_the_options_of_its_readings(tmp_path, readings, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        judged(tmp_path, 287.1, readings)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_reading_touches_its_rows_only(tmp_path):
+    book = Ledger("toy", True, with_readings(tmp_path, WEIGHTS))
+    with pytest.raises(ValueError, match="no 'weights' for this row"):
+        book.check("a.order", 1.0, se=0.1, readings={"weights": flown(1.0, 1.0, 1.0)})
+    assert book.check("a.order", 1.0, se=0.1).readings == ""
+
+
+BAD_READINGS = {
+    "damaged": ("a,b", ("row 2, column words", "2 fields instead of 7")),
+    "unknown chapter": (WEIGHTS.replace("toy", "tyo"), ("column chapter", "'tyo'", "'toy'")),
+    "twice": (f"{WEIGHTS}\n{WEIGHTS}", ("row 3, column name", "'weights' stands there twice")),
+    "no words": (WEIGHTS.replace("p. 3: the weight of a sample", ""), ("column words: empty",)),
+    "one option": (WEIGHTS.replace(";gated;single", ""), ("column options", "two or more")),
+    "an option twice": (WEIGHTS.replace("gated", "single"), ("column options", "each once")),
+    "a default that is no option": (
+        WEIGHTS.replace(",own cell,a", ",cell,a"),
+        ("column default", "'cell' is none of the options own cell, gated, single"),
+    ),
+    "no such row": (WEIGHTS.replace("a.num", "a.nun"), ("column rows", "'a.nun'", "'a.num'")),
+    "no rows": (WEIGHTS.replace("a.num", ""), ("column rows: empty",)),
+    "refuted without a reason": (f"{WEIGHTS}gated", ("column refuted", "'gated'; write option: ")),
+    "refuted default": (f"{WEIGHTS}own cell: z = 9", ("column refuted", "no default")),
+    "refuted and unknown": (f"{WEIGHTS}gate: z = 9", ("column refuted", "'gate: z = 9'")),
+}
+
+
+@pytest.mark.parametrize(("lines", "words"), BAD_READINGS.values(), ids=BAD_READINGS)
+def test_a_bad_reading_is_named_by_file_row_and_column(tmp_path, lines, words):
+    folder = with_readings(tmp_path, *lines.splitlines())
+    with pytest.raises(ValueError, match=r"^readings\.csv, row ") as caught:
+        Ledger("toy", True, folder)
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("paper", claims.papers())
+def test_the_committed_readings_can_be_read(paper):
+    assert {reading.chapter for reading in claims.readings(paper).values()} <= {paper}
