@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import tiny
 
-from tbdcore.repro import cite, pages, paths, products
+from tbdcore.repro import cite, claims, pages, paths, products
 
 CORE = [file.name for file in sorted(paths.PACKAGE.glob("[!_]*.py"))]
 IMPORTS = "\n".join(f"import tbdcore.{name.removesuffix('.py')}" for name in CORE)
@@ -188,6 +188,20 @@ def test_a_change_that_can_change_a_number_is_seen(modules, where, change):
         assert not current()
     finally:
         file.write_text(text, encoding="utf-8")
+
+
+def test_a_reading_counts_but_for_its_words(source):
+    readings = source / "data" / "readings.csv"
+    header = f"{','.join(claims.Reading._fields)}\n"
+    readings.write_text(header)
+    assert current()
+    seen = set()
+    for words, default in (("a gap", "m"), ("Section 3", "m"), ("a gap", "m-r")):
+        readings.write_text(f"{header}tiny,eq. 10,{words},m;m-r,{default},mean,\n")
+        assert not current()
+        seen.add(pages.digest("tiny"))
+    assert len(seen) == 2
+    readings.unlink()
 
 
 def reworded(tree):
