@@ -505,7 +505,7 @@ class Ledger:
         if not shown or claim.kind != "number" and found.se and "margin" not in shown:
             shown = "; ".join(filter(None, (shown, found.text)))
         verdict, told = found.verdict, ""
-        if readings or (is_measured(claim) and any(self.others(claim).values())):
+        if readings or (self._measured(claim) and any(self.options(claim).values())):
             verdict, told = self._compared(claim, verdict, readings or {}, reached)
         return self._enter(claim, verdict, shown, found, n, told)
 
@@ -532,31 +532,33 @@ class Ledger:
         z = margin / se if se else math.nan
         return Judgement(verdict, text, se, z, math.nan if verdict == "reproduced" else chance)
 
-    def others(self, claim):
+    def options(self, claim):
         """The options beside the default that a row is flown under, by reading."""
         return {name: it.others() for name, it in self.readings.items() if claim.id in it.rows}
 
     def _compared(self, claim, verdict, readings, reached):
         """Verdict on a claim under several readings, and what each option gives, in words."""
         self._complete(claim, readings)
-        single = len(readings) == 1
-        names = [self.readings[name].default if single else "default" for name in readings][:1]
-        names += [
-            option if single else f"{name} {option}"
-            for name in readings
-            for option in readings[name]
-        ]
-        options = [option for flown in readings.values() for option in flown.values()]
+        flown = [(name, option) for name, options in readings.items() for option in options]
+        names = ["default", *map(" ".join, flown)]
+        if len(readings) == 1:
+            names = [self.readings[next(iter(readings))].default, *(option for _, option in flown)]
+        options = [readings[name][option] for name, option in flown]
         others = [self.judged(claim, it.measured, it.se, it.n, reached).verdict for it in options]
         every = [verdict, *others]
         each = ", ".join(map(" ".join, zip(names, every, strict=True)))
-        if is_measured(claim) and differs_between(verdict, others, options):
+        if self._measured(claim) and differs_between(verdict, others, options):
             verdict = "depends"
         return verdict, f"{every.count('reproduced')} of {len(every)}: {each}"
 
+    def _measured(self, claim):
+        """Whether a claim is measured, or repeats one that is."""
+        original = claim.evidence.removeprefix("repeats ")
+        return "measured" in (original, getattr(self.claims.get(original), "evidence", ""))
+
     def _complete(self, claim, readings):
         """Raise ValueError unless exactly the options that a row needs are given."""
-        wanted = self.others(claim)
+        wanted = self.options(claim)
         for name in (*readings, *wanted):
             if name not in wanted:
                 near = f"the nearest is {nearest(name, self.readings)!r}"
@@ -673,11 +675,6 @@ class Ledger:
             cause=cause,
         )
         return self.verdicts[claim.id]
-
-
-def is_measured(claim):
-    """Whether a claim is measured, or repeats one that is: its verdict may depend on a reading."""
-    return claim.evidence.split(" ")[0] in ("measured", "repeats")
 
 
 def published(claim):

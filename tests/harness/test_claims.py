@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import math
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -818,6 +819,51 @@ def test_a_row_that_depends_has_no_cause_and_its_repeats_depend_too(tmp_path):
     book.claims["a.num"] = book.claims["a.num"]._replace(cause="a slip; section 9")
     with pytest.raises(ValueError, match=r"a\.num is depends but the file gives a cause"):
         book.table()
+
+
+def test_what_repeats_a_calibrated_row_keeps_its_verdict_as_well(tmp_path):
+    again = "b,Sec. 3,range,,287.10,km,number,Sec. 3,As a.num,repeats a.num,"
+    lines = [HEADER, GOOD[2].replace("measured", "calibrated"), again]
+    book = Ledger("toy", True, with_readings(tmp_path, WEIGHTS.replace("a.num", "*"), claims=lines))
+    options = {"weights": flown(287.1, 287.1, 287.3)}
+    found = book.check("b", 287.1, se=0.001, n=400, readings=options)
+    assert (found.verdict, found.readings[:6]) == ("reproduced", "2 of 3")
+
+
+FLOWN = """chapter,name,words,options,default,rows,refuted
+dp_tbd,eq. (10),|m - r| or |m|,m;m-r,m,f2.gain.sw_conv.w02,
+mda_tbd,eq. (12),what counts,own-cell;available;strict;per-sample;least-squares,own-cell,t2.*,\
+strict: z = 4.2 with the bias of the same row; per-sample: z = 8.0 with it
+"""
+OSPA = {  # of 03 under the readings of equation (12); 103.2 m is printed
+    "available": claims.Option(99.5, 4.6, 2.0, se=2.1, n=100),
+    "least-squares": claims.Option(83.8, -11.1, 3.0, se=2.5, n=100),
+}
+
+
+@pytest.mark.parametrize(("evidence", "verdict"), [("calibrated", 0), ("measured", "depends")])
+def test_the_readings_of_03(tmp_path, evidence, verdict):
+    """Own-cell is within chance of the print; least-squares is not, and far from own-cell."""
+    folder = shutil.copytree(paths.CLAIMS, tmp_path / "claims")
+    (tmp_path / "readings.csv").write_text(FLOWN)
+    book = Ledger("mda_tbd", True, folder)
+    assert set(book.readings) == {"eq. (12)"}
+    book.claims["t2.4.ospa"] = book.claims["t2.4.ospa"]._replace(evidence=evidence)
+    found = book.check("t2.4.ospa", 94.9, se=2.9, n=100, readings={"eq. (12)": OSPA})
+    assert found.verdict == (verdict or "reproduced")
+    assert (
+        found.readings == "2 of 3: own-cell reproduced, available reproduced, least-squares differs"
+    )
+
+
+def test_the_readings_of_01(tmp_path):
+    """With the literal equation (10) the gain is as far from the printed 3 dB."""
+    folder = shutil.copytree(paths.CLAIMS, tmp_path / "claims")
+    (tmp_path / "readings.csv").write_text(FLOWN)
+    readings = {"eq. (10)": {"m-r": claims.Option(1.71, -0.02, 0.01, se=0.03, n=4000)}}
+    check = Ledger("dp_tbd", True, folder).check
+    found = check("f2.gain.sw_conv.w02", 1.734, se=0.032, n=4000, readings=readings)
+    assert (found.verdict, found.readings) == ("differs", "0 of 2: m differs, m-r differs")
 
 
 BAD_OPTIONS = {
