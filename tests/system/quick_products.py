@@ -107,6 +107,9 @@ def other_value(claim, rng):
     return f"x{''.join(rng.permutation(list(claim.value)))}x"
 
 
+ON_PRINTS = ("t24.same", "f5.power.saving")  # rules that are arithmetic of printed numbers
+
+
 @pytest.fixture(scope="module")
 def blind(tmp_path_factory):
     """A repository in which all published values but the inputs are other ones."""
@@ -132,10 +135,13 @@ def test_what_a_chapter_measures_does_not_depend_on_what_is_published(paper, bli
     words = ["run", paper, "--quick", "--out", str(tmp_path)]
     where = os.environ | {"TBDCORE_REPOSITORY": str(blind)}
     subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True, env=where)
-    columns = ["id", "measured", "se", "n"]
     quick, other = (
-        pd.read_csv(folder / paper / "verdicts.csv", dtype=str, keep_default_na=False)
+        pd.read_csv(
+            folder / paper / "verdicts.csv", dtype=str, keep_default_na=False, index_col="id"
+        )
         for folder in (paths.BUILD / "quick", tmp_path)
     )
     assert (quick["published"] != other["published"]).mean() > 0.3
-    pd.testing.assert_frame_equal(quick[columns], other[columns])
+    columns = ["measured", "se", "n"]
+    differ = (quick[columns] != other[columns]).any(axis=1)
+    assert set(differ[differ].index) <= set(ON_PRINTS)
