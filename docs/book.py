@@ -223,12 +223,13 @@ def figures_page(text, chapters):
     """figures/README.md with an anchor and a link into the chapter for each product."""
     text = re.sub(r"\[md\]\(([^)]*)\)", r"{download}`md <\1>`", text)  # a file, not a page
     first, *parts = re.split(r"^(?=### )", text, flags=re.MULTILINE)
+    retired = cite.retired()
     for part in parts:
         id = part.split()[1]
         paper, _, name = id.partition("/")
         title, _, rest = linked(part, chapters, paper).partition("\n")
         link = f'<a href="../{chapters[paper].link(name)}">In the chapter</a>\n'
-        link = "" if id in cite.retired() else link
+        link = "" if id in retired else link
         first += f'<span id="{id}"></span>\n\n{title}\n\n{link}{rest}'
     return first
 

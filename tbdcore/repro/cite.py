@@ -60,14 +60,7 @@ def retired():
     Raises ValueError, naming file, row and column, for a damaged file, an id of another form or of
     a product that is made, a commit that is none, and a successor that is not made.
     """
-    path, found = paths.PRODUCTS / "retired.csv", {}
-    listed = claims.rows(path, Retired._fields) if path.is_file() else []
-    for number, it in enumerate(map(Retired._make, listed), start=2):
-        twice = [("id", f"{it.id!r} stands there twice")] if it.id in found else []
-        for column, wrong in (*_doubts(it), *twice):
-            raise claims.fault(path.name, number, column, wrong)
-        found[it.id] = it
-    return found
+    return claims.records(paths.PRODUCTS / "retired.csv", Retired, _doubts)
 
 
 def _doubts(it):

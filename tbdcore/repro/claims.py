@@ -46,6 +46,7 @@ import io
 import math
 import re
 from fnmatch import fnmatchcase
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -100,9 +101,9 @@ class Reading(NamedTuple):
     chapter: str
     name: str
     words: str  # or the gap
-    options: tuple
+    options: list
     default: str
-    rows: tuple  # ids of the claims that it touches
+    rows: list  # ids of the claims that it touches
     refuted: dict  # option -> why the paper's other numbers exclude it
 
     def others(self):
@@ -172,13 +173,7 @@ def read(paper, folder=None):
     if not path.is_file():
         known = ", ".join(papers(folder))
         raise FileNotFoundError(f"{path.name}: no claims file under data/claims; papers: {known}")
-    claims = {}
-    for number, claim in enumerate(rows(path, COLUMNS), start=2):
-        claim = Claim(*claim)
-        twice = [("id", f"{claim.id!r} stands there twice")] if claim.id in claims else []
-        for column, wrong in (*_complaints(claim), *twice):
-            raise fault(path.name, number, column, wrong)
-        claims[claim.id] = claim
+    claims = records(path, Claim, _complaints)
     for number, claim in enumerate(claims.values(), start=2):
         word, _, original = claim.evidence.partition(" ")
         known = claims.get(original)
@@ -186,6 +181,22 @@ def read(paper, folder=None):
             wrong = "repeats another row itself" if known else "is no row"
             raise fault(path.name, number, "evidence", f"{original!r} {wrong}; name the original")
     return claims
+
+
+def records(path, kind, complaints, name=lambda row: row.id):
+    """The rows of a CSV file as named tuples of text by their names; none if there is no file.
+
+    `complaints` of a row are pairs of a column and what is wrong in it.  Raises ValueError, naming
+    file, row and column, for a row that has any or is there twice, and as :func:`rows` does.
+    """
+    found = {}
+    listed = rows(path, kind._fields) if path.is_file() else []
+    for number, row in enumerate(map(kind._make, listed), start=2):
+        twice = [("", f"{name(row)!r} stands there twice")] if name(row) in found else []
+        for column, wrong in (*complaints(row), *twice):
+            raise fault(path.name, number, column, wrong)
+        found[name(row)] = row
+    return found
 
 
 def fault(name, number, column, wrong):
@@ -263,48 +274,47 @@ def readings(paper, folder=None):
     Raises ValueError, naming file, row and column, for a damaged file, an unknown chapter, a
     default or a refuted option that is not among the options, and rows that do not exist.
     """
-    path, found = (folder or paths.CLAIMS).parent / "readings.csv", {}
-    if not path.is_file():
-        return found
-    for number, row in enumerate(rows(path, Reading._fields), start=2):
-        reading = Reading(*row)
-        if reading.chapter not in papers(folder):
-            near = f"the nearest is {nearest(reading.chapter, papers(folder))!r}"
-            raise fault(path.name, number, "chapter", f"{reading.chapter!r} is no paper; {near}")
-        key, ids = (reading.chapter, reading.name), list(read(reading.chapter, folder))
-        reading = reading._replace(**{name: _list(getattr(reading, name)) for name in LISTS})
-        twice = [("name", f"{reading.name!r} stands there twice")] if key in found else []
-        for column, wrong in (*_doubts(reading, ids), *twice):
-            raise fault(path.name, number, column, wrong)
-        touched = [id for id in ids if any(fnmatchcase(id, each) for each in reading.rows)]
-        refuted = dict(re.split(": *", each, maxsplit=1) for each in reading.refuted)
-        found[key] = reading._replace(rows=tuple(touched), refuted=refuted)
-    return {name: reading for (chapter, name), reading in found.items() if chapter == paper}
+    path = (folder or paths.CLAIMS).parent / "readings.csv"
+    listed = records(path, Reading, partial(_doubts, folder), lambda row: (row.chapter, row.name))
+    found = {}
+    for reading in (row for row in listed.values() if row.chapter == paper):
+        options, patterns, refuted = map(_items, (reading.options, reading.rows, reading.refuted))
+        touched = [id for id in read(paper, folder) if _any(id, patterns)]
+        refuted = dict(re.split(": *", each, maxsplit=1) for each in refuted)
+        found[reading.name] = reading._replace(options=options, rows=touched, refuted=refuted)
+    return found
 
 
-LISTS = ("options", "rows", "refuted")  # columns whose items are separated by semicolons
+def _items(text):
+    """The parts between semicolons."""
+    return [part.strip() for part in text.split(";") if part.strip()]
 
 
-def _list(text):
-    return tuple(part.strip() for part in text.split(";") if part.strip())
+def _any(id, patterns):
+    return any(fnmatchcase(id, pattern) for pattern in patterns)
 
 
-def _doubts(reading, ids):
+def _doubts(folder, row):
     """Column and fault of everything that is wrong in a row of readings.csv."""
-    for column in ("name", "words", "options", "rows"):
-        if not getattr(reading, column):
+    if row.chapter not in papers(folder):
+        near = nearest(row.chapter, papers(folder))
+        yield "chapter", f"{row.chapter!r} is no paper; the nearest is {near!r}"
+        return
+    ids, options = list(read(row.chapter, folder)), _items(row.options)
+    known = ", ".join(options)
+    for column in ("name", "words", "rows"):
+        if not getattr(row, column).strip():
             yield column, "empty"
-    options, known = reading.options, ", ".join(reading.options)
     if len(options) < 2 or len({*options}) < len(options):
         yield "options", f"give two or more, each once, with ; between them, not {known!r}"
-    if reading.default not in options:
-        yield "default", f"{reading.default!r} is none of the options {known}"
-    for each in reading.rows:
-        if not any(fnmatchcase(id, each) for id in ids):
+    if row.default not in options:
+        yield "default", f"{row.default!r} is none of the options {known}"
+    for each in _items(row.rows):
+        if not any(_any(id, [each]) for id in ids):
             yield "rows", f"{each!r} is no claim; the nearest is {nearest(each, ids)!r}"
-    for each in reading.refuted:
+    for each in _items(row.refuted):
         option, _, why = each.partition(":")
-        if option not in options or option == reading.default or not why.strip():
+        if option not in options or option == row.default or not why.strip():
             yield (
                 "refuted",
                 f"{each!r}; write option: reason, the option one of {known}, no default",
@@ -729,19 +739,17 @@ def verdicts(paper, folder=None):
     if not path.is_file():
         raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: {again}")
     try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    except ValueError:  # pandas' own errors are of this kind
-        raise ValueError(f"{path}: no table of verdicts; make it anew: {again}") from None
-    if tuple(table.columns) != Verdict._fields:
-        found = ",".join(table.columns)
-        raise ValueError(f"{path}: its columns are {found}; make it anew: {again}")
-    rows = read(paper)
-    if list(table["id"]) != list(rows):
-        odd = ", ".join(sorted(set(table["id"]) ^ set(rows))) or "their order"
+        table = pd.DataFrame(rows(path, Verdict._fields), columns=Verdict._fields)
+    except ValueError as error:
+        wrong = f"no table of verdicts ({error})"
+        raise ValueError(f"{path}: {wrong}; make it anew: {again}") from None
+    known = read(paper)
+    if list(table["id"]) != list(known):
+        odd = ", ".join(sorted(set(table["id"]) ^ set(known))) or "their order"
         files = f"verdicts.csv and data/claims/{paper}.csv"
         raise ValueError(f"{paper}: {files} do not match in {odd}; run {again}")
     for number, row in enumerate(table.itertuples(), start=2):
-        claim = rows[row.id]
+        claim = known[row.id]
         pairs = {"value": (published(claim), row.published)}
         pairs["evidence"] = (claim.evidence, row.evidence or claim.evidence)
         for column, (ours, theirs) in pairs.items():

@@ -366,7 +366,7 @@ def test_without_retired_ids_the_gallery_has_no_list_of_them(execute, tmp_path):
         ("tiny/fig9,0123abc,tiny/fig8", "row 2, column instead: 'tiny/fig8' is not made"),
         (
             "tiny/fig9,0123abc,\ntiny/fig9,0123abc,",
-            "row 3, column id: 'tiny/fig9' stands there twi",
+            "row 3: 'tiny/fig9' stands there twice",
         ),
     ],
 )

@@ -52,7 +52,7 @@ def test_a_good_file(tmp_path):
 
 
 BAD_LINES = {
-    "duplicate id": (GOOD[1], ("row 5, column id", "'a.in'", "twice")),
+    "duplicate id": (GOOD[1], ("row 5", "'a.in'", "twice")),
     "no number": (ROW.replace("1.5", "about 1.5"), ("row 5, column value", "'about 1.5'")),
     "decimal comma": (
         ROW.replace("1.5", '"1,5"'),
@@ -897,7 +897,7 @@ def test_a_reading_touches_its_rows_only(tmp_path):
 BAD_READINGS = {
     "damaged": ("a,b", ("row 2, column words", "2 fields instead of 7")),
     "unknown chapter": (WEIGHTS.replace("toy", "tyo"), ("column chapter", "'tyo'", "'toy'")),
-    "twice": (f"{WEIGHTS}\n{WEIGHTS}", ("row 3, column name", "'weights' stands there twice")),
+    "twice": (f"{WEIGHTS}\n{WEIGHTS}", ("row 3", "('toy', 'weights') stands there twice")),
     "no words": (WEIGHTS.replace("p. 3: the weight of a sample", ""), ("column words: empty",)),
     "one option": (WEIGHTS.replace(";gated;single", ""), ("column options", "two or more")),
     "an option twice": (WEIGHTS.replace("gated", "single"), ("column options", "each once")),
