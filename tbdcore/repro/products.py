@@ -3,7 +3,8 @@
 A product is a set of files with one name, ``<paper>/<name>``.  Its JSON, the *record*, says what
 made it: caption, parameters, seed, trials, claims shown, package versions, and a digest of the
 *meaning* of its sources: the parsed code of the page and of the modules that it imports, and the
-claims file but for its causes.  Comments, docstrings, layout and text cells do not count.
+claims file but for its causes.  Comments, docstrings, layout, text cells, the version number and
+the texts of messages do not count.
 """
 
 import ast
