@@ -224,11 +224,12 @@ def test_a_release_and_better_messages_make_nothing_stale(source, tmp_path):
         text = init.read_text(encoding="utf-8")
         assert '__version__ = "' in text
         init.write_text(text.replace('__version__ = "', '__version__ = "9.'), encoding="utf-8")
-        for name in ("sensor.py", "kalman.py", "repro/claims.py", "repro/trials.py", "score.py"):
-            file = source / "tbdcore" / name
+        counts = {}
+        for file in (source / "tbdcore").rglob("*.py"):
             tree = ast.parse(file.read_text(encoding="utf-8"))
-            assert reworded(tree) > 5
+            counts[file] = reworded(tree)
             file.write_text(ast.unparse(tree), encoding="utf-8")
+        assert sum(count > 5 for count in counts.values()) >= 5
         assert current()
     finally:
         shutil.copytree(kept, source / "tbdcore", dirs_exist_ok=True)
