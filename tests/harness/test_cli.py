@@ -11,16 +11,17 @@ import tiny
 import tbdcore
 from tbdcore.repro import batch, cite, claims, cli, paths, trials
 
-HEADER = "id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause"
+HEADER = ",".join(claims.Verdict._fields)
 VERDICTS = f"""{HEADER}
-mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.00,,reproduced,measured,
-order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.00,,reproduced,measured,
-price,text,price,cheap,,,,,,untestable,,An opinion.
+mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.00,,reproduced,,measured,
+order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.00,,reproduced,,measured,
+price,text,price,cheap,,,,,,untestable,,,An opinion.
 """
-TABLE = """<!-- scorecard -->
-| paper | notebook | measured | reproduced | differs | inconclusive | not measured | run time |
-| --- | --- | --- | --- | --- | --- | --- | --- |
-| Means (the tiny paper) | [01_tiny](notebooks/01_tiny.ipynb) | 2 | 2 | 0 | 0 | 1 untestable |  |
+TINY = "[01_tiny](notebooks/01_tiny.ipynb)"
+TABLE = f"""<!-- scorecard -->
+| paper | notebook | measured | {" | ".join(claims.JUDGED)} | not measured | run time |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |
+| Means (the tiny paper) | {TINY} | 2 | 2 | 0 | 0 | 0 | 1 untestable |  |
 <!-- /scorecard -->
 """
 
@@ -325,7 +326,7 @@ def test_score_tells_a_changed_verdict_once(repository, capsys):
     capsys.readouterr()
     enter(
         repository,
-        VERDICTS.replace("reproduced,measured,\nprice", "differs,measured,a slip\nprice"),
+        VERDICTS.replace("reproduced,,measured,\nprice", "differs,,measured,a slip\nprice"),
     )
     assert "tiny order was reproduced, is differs" in said(capsys, 1, "score")
     assert cli.main(["score"]) == 0
@@ -353,7 +354,7 @@ def test_score_of_another_folder_leaves_the_readme_alone(repository, capsys):
     assert (repository / "build" / "try" / "scorecard.csv").is_file()
 
 
-SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,inconclusive,together\n"
+SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,depends,inconclusive,together\n"
 
 
 def test_the_scorecard_has_the_share_of_the_seeds_and_counts_what_is_below_nine_tenths(
@@ -362,7 +363,7 @@ def test_the_scorecard_has_the_share_of_the_seeds_and_counts_what_is_below_nine_
     enter(repository, VERDICTS)
     study = repository / "data" / "seeds.csv"
     for of_ten, marked in ((9, 0), (8, 1)):
-        study.write_text(f"{SEEDS}tiny,order,10,{of_ten},{10 - of_ten},0,differs\n")
+        study.write_text(f"{SEEDS}tiny,order,10,{of_ten},{10 - of_ten},0,0,differs\n")
         cli.main(["score"])
         card = pd.read_csv(repository / "figures" / "scorecard.csv").set_index("id")
         card = card[["seeds", "together"]]
@@ -390,11 +391,11 @@ def test_seeds_are_counted_by_claim_and_verdict():
     one = pd.concat([table(b="differs", a="reproduced"), table(b="reproduced", a="reproduced")])
     counted = seeds.counts({"x": one, "y": table(a="inconclusive", used="used")})
     assert counted.to_numpy().tolist() == [
-        ["x", "b", 2, 1, 1, 0],
-        ["x", "a", 2, 2, 0, 0],
-        ["y", "a", 1, 0, 0, 1],
+        ["x", "b", 2, 1, 1, 0, 0],
+        ["x", "a", 2, 2, 0, 0, 0],
+        ["y", "a", 1, 0, 0, 0, 1],
     ]
-    assert list(counted) == ["paper", "claim", "seeds", *claims.VERDICTS[:3]]
+    assert list(counted) == ["paper", "claim", "seeds", *claims.JUDGED]
 
 
 def test_seeds_together_are_one_longer_run():
@@ -405,6 +406,7 @@ def test_seeds_together_are_one_longer_run():
     rows = [("t2.2.det", "21.8", "1.0", "100"), ("t2.2.det", "22.0", "1.0", "100")]
     rows += [("t2.order.det", "margin 1.0", "1.0", "100"), ("t2.3.det", "", "", "100")]
     for taken, verdict in ((slice(0, 1), "reproduced"), (slice(0, 4), "differs")):
-        table = pd.DataFrame(rows[taken], columns=columns)
+        table = pd.DataFrame(rows[taken], columns=columns).assign(verdict="differs")
         found = seeds.together({"mda_tbd": table})
         assert found.to_numpy().tolist() == [["mda_tbd", "t2.2.det", verdict]]
+    assert seeds.together({"mda_tbd": table.assign(verdict="depends")}).empty
