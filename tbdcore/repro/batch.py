@@ -11,33 +11,27 @@ its parent has disappeared.  What processes that were killed have left, the next
 """
 
 import contextlib
-import csv
 import io
 import json
 import logging
 import os
 import re
 import shutil
-import subprocess
 import sys
-import tempfile
 import time
 import traceback
-from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import psutil
-
-from tbdcore.repro import claims, pages, paths, products, trials
+from tbdcore.repro import claims, pages, paths, processes, products
 
 GOOD, FAILED = 0, 1
-TICK = 1.0  # seconds between two looks at a run
 QUIET = {  # loky cleans up after killed workers, and says so; the debugger comments on its start
     "PYTHONWARNINGS": "ignore::UserWarning:loky.backend.resource_tracker",
     "PYDEVD_DISABLE_FILE_VALIDATION": "1",
 }
+SAFE = {"PYTHONSAFEPATH": "1"}  # no module is imported from the current folder
 TABLE = ("value", "claim", "evidence", "published", "measured", "se", "n", "z", "verdict")
 
 
@@ -62,29 +56,30 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
     prints the traceback of a run that fails.  KeyboardInterrupt is raised after everything that the
     run had started has ended.
     """
-    folder = Path(values.get("out") or paths.figures())
+    folder, start = Path(values.get("out") or paths.figures()), time.monotonic()
     result = Result(paper, 0.0, {}, str(folder / paper), str(output))
     if left := _remove_leftovers(folder / paper, output.parent):
         say(f"{paper}: removed what a killed run had left: {', '.join(left)}")
     if resume and done(paper, values, folder):
-        kept, found = str(output) if output.is_file() else "", counts(folder / paper)
+        kept, found = str(output) if output.is_file() else "", counts(paper, folder)
         say(f"{paper}: skipped, its products have these sources and parameters ({summary(found)})")
         return result._replace(verdicts=found, skipped=True, notebook=kept)
-    clock, expected, start = _clock(paper, values), None, time.monotonic()
+    clock, expected = _clock(paper, values), ""
     with contextlib.suppress(OSError, ValueError):
-        expected = float(clock.read_text())
-    say(f"{paper}: running" + (f", {expected:.0f} s the last time" if expected else ""))
+        expected = f"{float(clock.read_text()):.0f} s"
+    say(f"{paper}: running" + (f", {expected} the last time" if expected else ""))
     try:
-        _execute(paper, values, output, partial(_show_clock, paper, start, expected), debug)
+        _execute(paper, values, output, partial(_show_time, paper, start, expected), debug)
     except RuntimeError as error:
-        seconds, failed = round(time.monotonic() - start, 1), str(pages.failed_at(output))
-        fault = {"status": FAILED, "error": str(error)}
-        return result._replace(seconds=seconds, notebook=failed, **fault)
-    seconds, found = round(time.monotonic() - start, 1), counts(folder / paper)
+        fault = {"status": FAILED, "error": str(error), "notebook": str(pages.failed_at(output))}
+        return result._replace(seconds=round(time.monotonic() - start, 1), **fault)
+    seconds, found = round(time.monotonic() - start, 1), counts(paper, folder)
     products.write(clock.parent, {clock.name: f"{seconds}\n".encode()})
-    judged = f"{sum(found.values())} claims ({summary(found)})" if found else "done"
-    said = f", expected {expected:.0f} s" if expected else ""
-    say(f"{paper}: {judged}; {seconds:.0f} s{said}")
+    if found:
+        few = smaller(paper, values)
+        say(f"{paper}: {summary(found)}" + (f"; verdicts void: {few}" if few else ""))
+    of = f", expected {expected}" if expected else ""
+    say(f"{paper}: {seconds:.0f} s{of}; products in {_short(folder / paper)}")
     return result._replace(seconds=seconds, verdicts=found)
 
 
@@ -137,18 +132,37 @@ def done(paper, values, folder):
     return all(about | now == about for about in made)
 
 
-def counts(folder):
-    """How many of each verdict a folder's verdicts.csv has; none without one, as for the index."""
-    if not (folder / "verdicts.csv").is_file():
+def counts(paper, folder):
+    """How many claims of each kind a folder's verdicts have, as the scorecard counts them; none for
+    a page that judges no paper.
+    """
+    if paper not in claims.papers():
         return {}
-    with (folder / "verdicts.csv").open(newline="", encoding="utf-8") as lines:
-        found = Counter(row.get("verdict") for row in csv.DictReader(lines))
-    return {verdict: found[verdict] for verdict in claims.VERDICTS if verdict in found}
+    found = claims.counts(claims.verdicts(paper, folder))
+    return {name: n for name, n in found.items() if isinstance(n, int) and n and name != "claims"}
 
 
-def summary(verdicts):
-    """Counts of verdicts as text."""
-    return ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
+def summary(found):
+    """Counts of claims as text: the measured ones by verdict, then the others."""
+    parts = {name.partition(": ")[2]: n for name, n in found.items() if ": " in name}
+    others = [f"{n} {name}" for name, n in found.items() if ": " not in name]
+    each = ", ".join(f"{n} {verdict}" for verdict, n in parts.items())
+    measured = f"{sum(parts.values())} measured" + (f" ({each})" if each else "")
+    return ", ".join([measured, *others]) if found else "no claims"
+
+
+def smaller(paper, values):
+    """The numbers of trials and the like that are below their defaults, in words."""
+    known = pages.parameters(paper).items()
+    sizes = {name: one.default for name, one in known if isinstance(one.quick, int)}
+    sizes = {name: size for name, size in sizes.items() if name not in pages.PLUMBING}
+    few = [name for name, size in sizes.items() if values.get(name, size) < size]
+    return ", ".join(f"{name} {values[name]} of {sizes[name]}" for name in few)
+
+
+def _short(folder):
+    """A folder as seen from the current one, if it lies below."""
+    return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
 def _settings(paper, values):
@@ -164,50 +178,35 @@ def _clock(paper, values):
     return paths.BUILD / "seconds" / f"{paper}_{products.digest([settings.encode()])}"
 
 
-def _show_clock(paper, start, expected):
+def _show_time(paper, start, expected):
     """The time that a run has taken so far, on a terminal only."""
     if sys.stderr.isatty():
-        elapsed, of = time.monotonic() - start, f" of about {expected:.0f}" if expected else ""
-        print(f"\r{paper}: {elapsed:.0f}{of} s\033[K\r", end="", file=sys.stderr, flush=True)
+        elapsed, of = time.monotonic() - start, f" of about {expected}" if expected else " s"
+        print(f"\r{paper}: {elapsed:.0f}{of}\033[K\r", end="", file=sys.stderr, flush=True)
 
 
 # The child process -----------------------------------------------------------------------------
 
 
 def _execute(paper, values, output, tick, debug):
-    """Execute a notebook in a child process; no process that it starts outlives this call.
-
-    Raises as :func:`tbdcore.repro.pages.execute` does.
-    """
-    own = psutil.Process()
-    before, seen, child = set(own.children(recursive=True)), set(), None
-    paths.BUILD.mkdir(exist_ok=True)
-    place = Path(tempfile.mkdtemp(suffix=f".{os.getpid()}.part", dir=paths.BUILD))
+    """Execute a notebook in a child process; raises as :func:`tbdcore.repro.pages.execute` does."""
+    place = paths.BUILD / f"{paper}.{os.getpid()}.part"
     job = json.dumps([paper, values, str(output), str(place), os.getpid()])
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
-    environment = QUIET | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
-    options = {"stdin": subprocess.DEVNULL, "env": environment, "start_new_session": True}
+    environment = QUIET | os.environ | SAFE | {"JUPYTER_RUNTIME_DIR": str(place)}
     try:
-        with (place / "stderr").open("wb") as said:
-            child = subprocess.Popen(words, stdout=said, stderr=said, **options)
-        while child.poll() is None:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                child.wait(TICK)
-            seen |= set(own.children(recursive=True)) - before
-            tick()
-        _raise_failure(paper, child.returncode, place, debug)
+        place.mkdir(parents=True)
+        code = processes.call(words, environment, place / "log", tick)
+        _raise_failure(paper, code, place, debug)
     finally:
-        with products.signals_held():
-            if child and child.poll() is None:
-                child.kill()  # nbclient would take a SIGTERM for itself
-            trials.end(seen | set(own.children(recursive=True)) - before)
+        with processes.signals_held():
             shutil.rmtree(place, ignore_errors=True)
             _remove_leftovers(Path(values.get("out") or paths.figures()) / paper, output.parent)
 
 
 def _raise_failure(paper, code, place, debug):
     """Raise what a child process reports in its folder; one that died reports nothing."""
-    said = (place / "stderr").read_text(encoding="utf-8", errors="replace").split("\n")
+    said = (place / "log").read_text(encoding="utf-8", errors="replace").split("\n")
     own = [line.strip() for line in said if line.strip() and "[IPKernelApp]" not in line]
     last = f": {own[-1][:200]}" if own else ""
     outcome = {"kind": "", "error": f"{paper}: the run died with code {code}{last}; run it again"}
@@ -223,7 +222,7 @@ def _raise_failure(paper, code, place, debug):
 
 def _main(paper, values, output, place, parent):
     """The child process: executes a notebook and reports in a folder how it ended."""
-    trials.end_with_parent(parent)
+    processes.end_with_parent(parent)
     logging.disable()
     sys.stderr = io.StringIO()  # so that what is in the file comes from the kernel
     outcome = {}
@@ -244,18 +243,10 @@ def _remove_leftovers(*folders):
     for file in {file for folder in (*folders, *own) for file in folder.glob("*.part*")}:
         writer = re.search(r"\.(\d+)\.part(\.ipynb)?$", file.name)
         with contextlib.suppress(OSError):
-            if writer and not _exists(int(writer[1]), file.stat().st_mtime):
+            if writer and not processes.wrote(int(writer[1]), file.stat().st_mtime):
                 shutil.rmtree(file) if file.is_dir() else file.unlink()
                 removed.append(file.name)
     return sorted(removed)
-
-
-def _exists(pid, when):
-    """Whether the process that had an id at some time still runs."""
-    with contextlib.suppress(psutil.NoSuchProcess):
-        process = psutil.Process(pid)
-        return process.create_time() < when + 1 and process.status() != psutil.STATUS_ZOMBIE
-    return False
 
 
 if __name__ == "__main__":

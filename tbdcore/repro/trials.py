@@ -27,20 +27,19 @@ other ``concurrent.futures.Executor``, by the number of its workers: on a cluste
 import contextlib
 import os
 import re
-import threading
-import time
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from zlib import crc32
 
 import numpy as np
-import psutil
 from tqdm import tqdm
+
+from tbdcore.repro import paths, products
+from tbdcore.repro.processes import end_with_parent
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
 SHARES = 3  # a chunk is this part of a worker's share of the trials that are left
 PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
-NOTICE = 2  # seconds that a process has to end before it is killed
 DAY = 86400  # seconds an idle process waits; loky prints a warning when one leaves as work arrives
 
 
@@ -93,6 +92,8 @@ def cluster(scheduler):
 @contextlib.contextmanager
 def _executor(executor, workers, scheduler):
     """The executor to use, or None for a plain loop; one that was opened here is closed."""
+    if hasattr(executor, "_client"):  # of a dask cluster
+        _same_sources(executor._client)
     if executor is None and scheduler:
         with _client(scheduler) as client, client.get_executor() as pool:
             yield pool
@@ -118,39 +119,11 @@ def _life():
     return {"timeout": DAY, "initializer": end_with_parent, "initargs": (os.getpid(),)}
 
 
-def end_with_parent(parent):
-    """End this process, and all that it has started, within seconds of its parent's end."""
-
-    def watch():
-        while os.getppid() == parent:
-            time.sleep(1)
-        end(psutil.Process().children(recursive=True))
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def end(processes):
-    """End processes: ask, wait, kill."""
-    for act in (psutil.Process.terminate, psutil.Process.kill):
-        for process in processes:
-            with contextlib.suppress(psutil.NoSuchProcess):
-                act(process)
-        until = time.monotonic() + NOTICE
-        while (processes := list(filter(_runs, processes))) and time.monotonic() < until:
-            time.sleep(0.01)
-
-
-def _runs(process):
-    """Whether a process has not ended; a zombie has, whenever its parent may take note of it."""
-    with contextlib.suppress(psutil.NoSuchProcess):
-        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-    return False
-
-
 @contextlib.contextmanager
 def _client(address):
-    """Client of the dask scheduler at an address, which has a worker or gets one soon."""
+    """Client of the dask scheduler at an address, which has a worker or gets one soon; all workers
+    have the sources of this process.
+    """
     where, here = f"scheduler {address!r}", "or leave it empty for this machine"
     try:
         from distributed import Client
@@ -171,7 +144,42 @@ def _client(address):
         except TimeoutError:
             advice = f"start one: dask worker {address}"
             raise ConnectionError(f"{where}: it has no worker; {advice}") from None
+        _same_sources(client)
         yield client
+
+
+def _same_sources(client):
+    """Raise ConnectionError when a worker of a cluster has other sources than this process."""
+    ours, wrong = sources(), []
+    for worker, found in sorted(client.run(sources, on_error="return").items()):
+        if not isinstance(found, dict):
+            wrong.append(f"{worker} (no answer: {type(found).__name__})")
+        elif names := [name for name in sorted(ours | found) if ours.get(name) != found.get(name)]:
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            wrong.append(f"{worker} ({', '.join(names[:3])}{more})")
+    if wrong:
+        advice = "take the same commit for all, then start these workers again"
+        raise ConnectionError(f"other sources on the dask worker {', '.join(wrong)}; {advice}")
+
+
+def sources():
+    """Digests of the sources that trials run, by name: the package's modules as they were when this
+    process first read them, and the algorithm cells of the notebooks.
+    """
+    from tbdcore.repro import pages
+
+    chapters = {}
+    with contextlib.suppress(OSError):  # no repository
+        for paper in pages.everything():
+            text = "\n".join(pages.cells(paper, "algorithm"))
+            chapters[pages.path(paper).name] = products.digest([text.encode()])
+    return _modules() | chapters
+
+
+@cache
+def _modules():
+    files = sorted(paths.PACKAGE.rglob("*.py"))
+    return {str(f.relative_to(paths.PACKAGE)): products.digest([f.read_bytes()]) for f in files}
 
 
 def _shares(n, workers):

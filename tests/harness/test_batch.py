@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -21,7 +22,9 @@ def would_skip(*runs):
 def test_a_run_says_what_it_does(first_run):
     folder, said = first_run
     assert said.stderr == ""
-    assert said.stdout.startswith("tiny: running\ntiny: 3 claims (2 reproduced, 1 untestable); ")
+    lines = said.stdout.splitlines()
+    assert lines[:2] == ["tiny: running", "tiny: 2 measured (2 reproduced), 1 untestable"]
+    assert re.fullmatch(r"tiny: \d+ s; products in figures/tiny", lines[2])
     assert not list((folder / "build").glob("*.part*"))
 
 
@@ -32,7 +35,7 @@ def test_resume_skips_what_is_done(inside, capsys):
     assert json.loads(out) == {
         "paper": "tiny",
         "seconds": 0.0,
-        "verdicts": {"reproduced": 2, "untestable": 1},
+        "verdicts": {"measured: reproduced": 2, "untestable": 1},
         "folder": str(inside / "figures" / "tiny"),
         "notebook": str(inside / "build" / "01_tiny.ipynb"),
         "skipped": True,
@@ -87,7 +90,7 @@ def test_debug_shows_where_a_run_failed(tmp_path, capsys):
         "error": "tiny: bad",
         "trace": "Traceback\n  ...\nValueError: bad",
     }
-    (tmp_path / "stderr").touch()
+    (tmp_path / "log").touch()
     (tmp_path / "outcome").write_text(json.dumps(outcome))
     with pytest.raises(ValueError, match="^tiny: bad$"):
         batch._raise_failure("tiny", 0, tmp_path, debug=True)

@@ -9,7 +9,7 @@ import pytest
 import tiny
 
 import tbdcore
-from tbdcore.repro import batch, cite, claims, cli, paths, trials
+from tbdcore.repro import batch, cite, claims, cli, commands, paths, trials
 
 HEADER = "id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause"
 VERDICTS = f"""{HEADER}
@@ -207,7 +207,7 @@ def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeyp
     def missing(*arguments):
         raise ModuleNotFoundError("No module named 'papermill'", name="papermill")
 
-    monkeypatch.setattr(cli, "_find_clusters", missing)
+    monkeypatch.setattr(commands, "_find_clusters", missing)
     assert "papermill is missing; this needs the extra repro" in said(capsys, 3, "run")
 
 

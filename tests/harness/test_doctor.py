@@ -10,7 +10,7 @@ from tbdcore.repro import cli, doctor, paths
 def test_a_healthy_machine_passes(capsys):
     assert cli.main(["doctor"]) == 0
     out, err = capsys.readouterr()
-    assert (out.count("\n"), err) == (6, "")
+    assert (out.count("\n"), err) == (5, "")
 
 
 def test_a_lock_is_read_with_its_markers():
@@ -51,11 +51,11 @@ def no_kernel(monkeypatch, tmp_path):
 
 
 def closed_folder(monkeypatch, tmp_path):
-    monkeypatch.setattr(doctor, "_writable", lambda folder: folder != paths.figures())
+    monkeypatch.setattr(paths, "writable", lambda folder: folder != paths.figures())
 
 
 def closed_cache(monkeypatch, tmp_path):
-    monkeypatch.setattr(doctor, "_writable", lambda folder: folder.name != "__pycache__")
+    monkeypatch.setattr(paths, "writable", lambda folder: folder.name != "__pycache__")
 
 
 def another_stream(monkeypatch, tmp_path):
@@ -84,14 +84,14 @@ def wrong_workers(monkeypatch, tmp_path):
     [
         (lock, "packages", "numpy is"),
         (lock, "packages", "no-such-thing is missing"),
-        (lock, "packages", "and 2 more; run: python -m pip install"),
+        (lock, "packages", f"and 2 more; run: {sys.executable} -m pip install"),
         (
             foreign_kernel,
             "Jupyter kernel",
             f"not this Python; make it: {sys.executable} -m ipykernel install",
         ),
         (no_kernel, "Jupyter kernel", "no Jupyter kernel python3; make it"),
-        (closed_folder, "folders", "cannot be written; change its permissions"),
+        (closed_folder, "folders", "cannot be written; give runs another folder"),
         (closed_cache, "compiled code", "NUMBA_CACHE_DIR"),
         (another_stream, "self-test", "a random stream begins with"),
         (wrong_kernel_result, "self-test", "a compiled kernel gives"),

@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 import pytest
 
-from tbdcore.repro import trials
+from tbdcore.repro import processes, trials
 
 N = 37  # a prime: chunks of every executor end unevenly
 
@@ -216,19 +216,19 @@ def test_shares_cover_all_trials_once_and_become_shorter(n, workers):
 
 def test_a_process_that_has_ended_is_not_waited_for(monkeypatch):
     """A zombie, whose parent takes no note of it: without a look at its status this would hang."""
-    monkeypatch.setattr(trials, "NOTICE", 1e6)
+    monkeypatch.setattr(processes, "NOTICE", 1e6)
     with subprocess.Popen([sys.executable, "-c", ""], stdout=subprocess.PIPE) as child:
         child.stdout.read()  # until it ends
         process = psutil.Process(child.pid)
         while process.status() != psutil.STATUS_ZOMBIE:
             time.sleep(0.01)
-        trials.end([process])
+        processes.end([process])
 
 
 def test_a_process_that_does_not_listen_is_killed(monkeypatch):
-    monkeypatch.setattr(trials, "NOTICE", 0.05)
+    monkeypatch.setattr(processes, "NOTICE", 0.05)
     deaf = "import signal, time; signal.signal(15, 1); print(flush=True); time.sleep(99)"
     with subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE) as child:
         child.stdout.readline()
-        trials.end([psutil.Process(child.pid)])
+        processes.end([psutil.Process(child.pid)])
         assert child.wait(timeout=60) == -9
