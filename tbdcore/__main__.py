@@ -3,7 +3,8 @@
 import sys
 
 if __name__ == "__main__":
-    del sys.path[: not sys.flags.safe_path]  # the current folder comes first, if at all
+    if not sys.flags.safe_path:
+        del sys.path[0]  # the current folder
     from tbdcore.repro.cli import main
 
     sys.exit(main())

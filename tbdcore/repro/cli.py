@@ -95,8 +95,7 @@ def _folders(figures):
     """The folder of --figures is the one whose products are read; afterwards all are as before."""
     before = {name: os.environ.get(name, "") for name in ("TBDCORE_FIGURES", "TBDCORE_BUILD")}
     if figures is not None and not os.path.isdir(figures):
-        advice = "give one that holds products; tbdcore run makes figures/"
-        raise ValueError(f"--figures {figures}: no such folder; {advice}")
+        raise ValueError(f"--figures {figures}: no such folder; give one that holds products")
     os.environ["TBDCORE_FIGURES"] = figures or before["TBDCORE_FIGURES"]
     try:
         yield

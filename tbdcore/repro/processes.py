@@ -85,9 +85,11 @@ def call(words, environment, log, tick):
     finally:
         with signals_held():
             seen |= set(own.children(recursive=True)) - before
-            if child and child.poll() is None:
+            if child:
                 child.kill()  # nbclient would take a SIGTERM for itself
             end(seen)
+            if child:
+                child.wait()
 
 
 def end(processes):

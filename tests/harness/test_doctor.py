@@ -1,8 +1,14 @@
 """The doctor: a healthy machine passes, and each problem is one line that says what to do."""
 
+import os
+import shlex
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
+from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
 
 from tbdcore.repro import cli, doctor, paths
 
@@ -35,15 +41,11 @@ def lock(monkeypatch, tmp_path):
 
 
 def foreign_kernel(monkeypatch, tmp_path):
-    from jupyter_client.kernelspec import KernelSpecManager
-
     spec = type("Spec", (), {"argv": ["/usr/lib/other/bin/python"]})
     monkeypatch.setattr(KernelSpecManager, "get_kernel_spec", lambda *_: spec)
 
 
 def no_kernel(monkeypatch, tmp_path):
-    from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
-
     def missing(*_):
         raise NoSuchKernel("python3")
 
@@ -52,6 +54,10 @@ def no_kernel(monkeypatch, tmp_path):
 
 def closed_folder(monkeypatch, tmp_path):
     monkeypatch.setattr(paths, "writable", lambda folder: folder != paths.figures())
+
+
+def closed_temporary(monkeypatch, tmp_path):
+    monkeypatch.setattr(paths, "writable", lambda folder: folder != Path(tempfile.gettempdir()))
 
 
 def closed_cache(monkeypatch, tmp_path):
@@ -107,3 +113,44 @@ def test_each_problem_is_one_line_with_what_to_do(
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert said in err
+
+
+def advice(check):
+    """What a check says is to be done, after it was made to fail."""
+    with pytest.raises(doctor.Problem) as caught:
+        doctor.CHECKS[check]()
+    return str(caught.value).rpartition("; ")[2].partition(": ")[2]
+
+
+def run(words, **variables):
+    return subprocess.run(words, env=os.environ | variables, check=True, capture_output=True)
+
+
+def test_the_advice_on_packages_is_a_command(monkeypatch, tmp_path):
+    """Everything is installed already: pip has nothing to fetch."""
+    monkeypatch.setattr(doctor, "locked", lambda text: {"numpy": "0.9"})
+    run([*shlex.split(advice("packages")), "--no-index", "--dry-run"])
+
+
+def test_the_advice_on_the_kernel_makes_it(monkeypatch, tmp_path):
+    with monkeypatch.context() as planted:
+        no_kernel(planted, tmp_path)
+        words = shlex.split(advice("Jupyter kernel").replace("--sys-prefix", "--prefix"))
+    run([*words, tmp_path])
+    monkeypatch.setenv("JUPYTER_PATH", str(tmp_path / "share" / "jupyter"))
+    assert str(tmp_path) in KernelSpecManager().get_kernel_spec("python3").resource_dir
+    assert sys.executable in doctor.jupyter_kernel()
+
+
+@pytest.mark.parametrize(
+    ("plant", "check", "variable"),
+    [(closed_cache, "compiled code", "NUMBA_CACHE_DIR"), (closed_temporary, "folders", "TMPDIR")],
+)
+def test_the_advice_on_folders_moves_them(monkeypatch, tmp_path, plant, check, variable):
+    """That on --out is in test_cli."""
+    with monkeypatch.context() as planted:
+        plant(planted, tmp_path)
+        assert advice(check) == f"{variable}=DIR"
+    code = f"from tbdcore.repro import doctor; print(doctor.CHECKS[{check!r}]())"
+    said = run([sys.executable, "-c", code], **{variable: str(tmp_path)})
+    assert str(tmp_path) in said.stdout.decode()
