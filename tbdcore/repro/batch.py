@@ -31,7 +31,7 @@ QUIET = {  # loky cleans up after killed workers, and says so; the debugger comm
     "PYTHONWARNINGS": "ignore::UserWarning:loky.backend.resource_tracker",
     "PYDEVD_DISABLE_FILE_VALIDATION": "1",
 }
-SAFE = {"PYTHONSAFEPATH": "1"}  # no module is imported from the current folder
+KINDS = {"ValueError": ValueError, "OSError": OSError, "RuntimeError": RuntimeError}
 TABLE = ("value", "claim", "evidence", "published", "measured", "se", "n", "z", "verdict")
 
 
@@ -78,8 +78,7 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
     if found:
         few = smaller(paper, values)
         say(f"{paper}: {summary(found)}" + (f"; verdicts void: {few}" if few else ""))
-    of = f", expected {expected}" if expected else ""
-    say(f"{paper}: {seconds:.0f} s{of}; products in {_short(folder / paper)}")
+    say(f"{paper}: {seconds:.0f} s; products in {folder / paper}")
     return result._replace(seconds=seconds, verdicts=found)
 
 
@@ -144,32 +143,25 @@ def counts(paper, folder):
 
 def summary(found):
     """Counts of claims as text: the measured ones by verdict, then the others."""
-    parts = {name.partition(": ")[2]: n for name, n in found.items() if ": " in name}
-    others = [f"{n} {name}" for name, n in found.items() if ": " not in name]
-    each = ", ".join(f"{n} {verdict}" for verdict, n in parts.items())
-    measured = f"{sum(parts.values())} measured" + (f" ({each})" if each else "")
-    return ", ".join([measured, *others]) if found else "no claims"
+    if not found:
+        return "no claims"
+    measured = {name: n for name, n in found.items() if name.startswith("measured: ")}
+    each = ", ".join(f"{n} {name.partition(': ')[2]}" for name, n in measured.items())
+    others = [f"{n} {name}" for name, n in found.items() if name not in measured]
+    return ", ".join([f"{sum(measured.values())} measured ({each or 'none'})", *others])
 
 
 def smaller(paper, values):
-    """The numbers of trials and the like that are below their defaults, in words."""
-    known = pages.parameters(paper).items()
-    sizes = {name: one.default for name, one in known if isinstance(one.quick, int)}
-    sizes = {name: size for name, size in sizes.items() if name not in pages.PLUMBING}
-    few = [name for name, size in sizes.items() if values.get(name, size) < size]
-    return ", ".join(f"{name} {values[name]} of {sizes[name]}" for name in few)
-
-
-def _short(folder):
-    """A folder as seen from the current one, if it lies below."""
-    return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
+    """The numbers of trials, or of scenes, that are below their defaults, in words."""
+    full = {name: one.default for name, one in pages.parameters(paper).items() if name[:2] == "n_"}
+    few = [name for name in full if values.get(name, full[name]) < full[name]]
+    return ", ".join(f"{name} {values[name]} of {full[name]}" for name in few)
 
 
 def _settings(paper, values):
     """All parameters that can change a result, as they are read back from JSON."""
-    known = pages.parameters(paper)
-    kept = {name: values.get(name, known[name].default) for name in known}
-    return json.loads(json.dumps({name: kept[name] for name in kept if name not in pages.PLUMBING}))
+    every = {name: one.default for name, one in pages.parameters(paper).items()} | values
+    return json.loads(json.dumps({k: every[k] for k in every if k not in pages.PLUMBING}))
 
 
 def _clock(paper, values):
@@ -193,7 +185,8 @@ def _execute(paper, values, output, tick, debug):
     place = paths.BUILD / f"{paper}.{os.getpid()}.part"
     job = json.dumps([paper, values, str(output), str(place), os.getpid()])
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
-    environment = QUIET | os.environ | SAFE | {"JUPYTER_RUNTIME_DIR": str(place)}
+    environment = QUIET | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
+    environment["PYTHONSAFEPATH"] = "1"  # no module is imported from the current folder
     try:
         place.mkdir(parents=True)
         code = processes.call(words, environment, place / "log", tick)
@@ -206,18 +199,16 @@ def _execute(paper, values, output, tick, debug):
 
 def _raise_failure(paper, code, place, debug):
     """Raise what a child process reports in its folder; one that died reports nothing."""
-    said = (place / "log").read_text(encoding="utf-8", errors="replace").split("\n")
-    own = [line.strip() for line in said if line.strip() and "[IPKernelApp]" not in line]
+    log = (place / "log").read_text(encoding="utf-8", errors="replace")
+    own = [line.strip() for line in log.split("\n") if "[IPKernelApp]" not in line and line.strip()]
     last = f": {own[-1][:200]}" if own else ""
-    outcome = {"kind": "", "error": f"{paper}: the run died with code {code}{last}; run it again"}
+    kind, error, trace = "", f"{paper}: the run died with code {code}{last}; run it again", log
     with contextlib.suppress(OSError):
-        outcome = json.loads((place / "outcome").read_text(encoding="utf-8"))
-    if outcome and debug:
-        print(outcome.get("trace", "\n".join(said)), file=sys.stderr)
-    if outcome:
-        kinds = {"ValueError": ValueError, "OSError": OSError}
-        error = outcome["error"].replace("the kernel died;", f"the kernel died{last};")
-        raise kinds.get(outcome["kind"], RuntimeError)(error)
+        kind, error, trace = json.loads((place / "outcome").read_text(encoding="utf-8"))
+    if error:
+        print(trace if debug else "", end="", file=sys.stderr)
+        error = error.replace("the kernel died;", f"the kernel died{last};")
+        raise KINDS.get(kind, RuntimeError)(error)
 
 
 def _main(paper, values, output, place, parent):
@@ -225,14 +216,13 @@ def _main(paper, values, output, place, parent):
     processes.end_with_parent(parent)
     logging.disable()
     sys.stderr = io.StringIO()  # so that what is in the file comes from the kernel
-    outcome = {}
+    outcome = "", "", ""
     try:
         pages.execute(paper, values, Path(output))
     except Exception as error:
-        known = [kind for kind in (ValueError, OSError, RuntimeError) if isinstance(error, kind)]
-        text = str(error) if known else f"{paper}: {type(error).__name__}: {error}"
-        kind = known[0].__name__ if known else ""
-        outcome = {"kind": kind, "error": text, "trace": traceback.format_exc()}
+        kind = next((name for name, kind in KINDS.items() if isinstance(error, kind)), "")
+        text = str(error) if kind else f"{paper}: {type(error).__name__}: {error}"
+        outcome = kind, text, traceback.format_exc()
     products.write(Path(place), {"outcome": json.dumps(outcome).encode()})
 
 
@@ -243,7 +233,7 @@ def _remove_leftovers(*folders):
     for file in {file for folder in (*folders, *own) for file in folder.glob("*.part*")}:
         writer = re.search(r"\.(\d+)\.part(\.ipynb)?$", file.name)
         with contextlib.suppress(OSError):
-            if writer and not processes.wrote(int(writer[1]), file.stat().st_mtime):
+            if writer and not processes.runs_since(int(writer[1]), file.stat().st_mtime):
                 shutil.rmtree(file) if file.is_dir() else file.unlink()
                 removed.append(file.name)
     return sorted(removed)

@@ -26,6 +26,9 @@ class CheckFailed(Exception):
     """What a check has found, in one line."""
 
 
+CODES = {CheckFailed: FAILED, FileNotFoundError: USAGE, OSError: ENVIRONMENT, ValueError: USAGE}
+
+
 def main(argv=None):
     """Entry point; returns the exit code.
 
@@ -62,22 +65,18 @@ def _answer(words):
 
         with _folders(getattr(arguments, "figures", None)):
             return getattr(commands, arguments.function)(arguments)
-    except CheckFailed as error:
-        return report(error, FAILED, debug)
-    except ModuleNotFoundError as error:
-        extra = "this needs the extra repro: pip install 'tbdcore[repro]'"
-        return report(f"{error.name} is missing; {extra}", ENVIRONMENT, debug)
     except BrokenPipeError:  # the reader of our output wants no more of it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return GOOD
-    except OSError as error:
-        code = USAGE if isinstance(error, FileNotFoundError) else ENVIRONMENT
-        return report(error, code, debug)
-    except ValueError as error:
-        return report(error, USAGE, debug)
+    except ModuleNotFoundError as error:
+        extra = "this needs the extra repro: pip install 'tbdcore[repro]'"
+        return report(f"{error.name} is missing; {extra}", ENVIRONMENT, debug)
     except Exception as error:
-        bug = "this is a bug, --debug shows where"
-        return report(f"{type(error).__name__}: {error}; {bug}", FAILED, debug)
+        for kind, code in CODES.items():
+            if isinstance(error, kind):
+                return report(error, code, debug)
+        bug = f"{type(error).__name__}: {error}; this is a bug, --debug shows where"
+        return report(bug, FAILED, debug)
 
 
 def report(error, code, debug=False):

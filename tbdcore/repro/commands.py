@@ -76,13 +76,18 @@ def sweep_parameter(arguments):
     results = batch.sweep(paper, name, runs, folder, **_options(arguments))
     ended = [_result(arguments, paper, partial(next, results)).status for _ in runs]
     if GOOD in ended:
-        _options(arguments)["say"](f"{paper}: tables in {folder / name}.csv and {name}_shares.csv")
+        _say(arguments, f"{paper}: tables in {folder / name}.csv and {name}_shares.csv")
     return max(ended)
 
 
+def _say(arguments, text):
+    """A line of progress, on standard error where JSON goes to the other."""
+    print(text, file=sys.stderr if arguments.json else sys.stdout, flush=True)
+
+
 def _options(arguments):
-    """The options of a run; lines of progress go to standard error where JSON goes to the other."""
-    say = partial(print, file=sys.stderr if arguments.json else sys.stdout, flush=True)
+    """The options of a run."""
+    say = partial(_say, arguments)
     return {"say": say, "resume": arguments.resume, "debug": arguments.debug}
 
 
@@ -108,9 +113,9 @@ def _find_build(arguments):
         return
     if not arguments.out:
         raise OSError(f"{paths.BUILD} cannot be written; name a folder: --out DIR")
-    said = f"{paths.BUILD} cannot be written"
-    os.environ["TBDCORE_BUILD"] = str(pages.usable(arguments.out) / "build")
-    _options(arguments)["say"](f"{said}; executed notebooks go to {paths.BUILD}")
+    build, closed = pages.usable(arguments.out) / "build", paths.BUILD
+    os.environ["TBDCORE_BUILD"] = str(build)
+    _say(arguments, f"{closed} cannot be written; executed notebooks go to {build}")
 
 
 def _values(paper, arguments, *more):
@@ -158,7 +163,7 @@ def _find_clusters(jobs, arguments):
     """Say what the dask clusters that some sets of parameters name have."""
     for address in {values.get("scheduler", "") for values in jobs} - {""}:
         workers, threads = trials.cluster(address)
-        _options(arguments)["say"](f"scheduler {address}: workers {workers}, threads {threads}")
+        _say(arguments, f"scheduler {address}: workers {workers}, threads {threads}")
 
 
 # Products --------------------------------------------------------------------------------------

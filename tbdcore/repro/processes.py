@@ -127,11 +127,10 @@ def runs(process):
     return False
 
 
-def wrote(pid, when):
+def runs_since(pid, when):
     """Whether the process that had an id at some time still runs."""
     import psutil
 
     with contextlib.suppress(psutil.NoSuchProcess):
-        process = psutil.Process(pid)
-        return process.create_time() < when + 1 and runs(process)
+        return psutil.Process(pid).create_time() < when + 1 and runs(psutil.Process(pid))
     return False

@@ -1,27 +1,18 @@
 """Monte Carlo whose digits do not depend on who computes them.
 
 A trial is a function ``trial(seed, i)`` of two plain integers.  It makes its own generators from
-them,
-
-    ``rng = generator(seed, "track_cfar", "fig05", i, "noise")``,
-
-one for each *purpose*: ``truth`` (what the world does), ``noise`` (what the radar adds), ``filter``
-(what the algorithm draws). Nothing else is random.  Four things follow:
-
-* trial 17 can be run again alone, ``trial(seed, 17)``, in a debugger, and is the trial 17 of the
-  big run;
-* a changed filter does not move the data, so two algorithms see the same scenes and their
-  difference is a paired one;
-* one worker and a hundred give the same bits, since no stream is shared and results are put back in
-  trial order;
-* experiments do not disturb one another: a name in the key keeps their streams apart.
+them, ``rng = generator(seed, "track_cfar", "fig05", i, "noise")``, one for each *purpose*:
+``truth`` (what the world does), ``noise`` (what the radar adds), ``filter`` (what the algorithm
+draws).  Nothing else is random.  So trial 17 can be run again alone, ``trial(seed, 17)``; two
+algorithms see the same scenes, and their difference is a paired one; one worker and a hundred give
+the same bits.
 
 The key of a stream is ``SeedSequence(seed, spawn_key=(paper, experiment, trial, purpose))``.  Names
 become integers by CRC-32, which is the same on every machine (Python's own ``hash`` is not).
 
-``run`` is the loop over trials.  It hands chunks of indices to processes of this machine (``loky``,
-which carries functions that were written in a notebook), a ``dask.distributed`` cluster, or any
-other ``concurrent.futures.Executor``, by the number of its workers: on a cluster, its threads.
+``run`` hands chunks of trials to processes of this machine (``loky``, which carries functions of a
+notebook), a ``dask.distributed`` cluster, or any other ``concurrent.futures.Executor``, by the
+number of its workers: on a cluster, its threads.
 """
 
 import contextlib

@@ -99,9 +99,9 @@ def wrong_workers(monkeypatch, tmp_path):
         (no_kernel, "Jupyter kernel", "no Jupyter kernel python3; make it"),
         (closed_folder, "folders", "cannot be written; give runs another folder"),
         (closed_cache, "compiled code", "NUMBA_CACHE_DIR"),
-        (another_stream, "self-test", "a random stream begins with"),
-        (wrong_kernel_result, "self-test", "a compiled kernel gives"),
-        (wrong_workers, "self-test", "one process and two give different numbers"),
+        (another_stream, "self-test", "a random stream: not the known result; remove"),
+        (wrong_kernel_result, "self-test", "a compiled kernel, one process against two: not the known"),
+        (wrong_workers, "self-test", "one process against two: not the known result"),
     ],
 )
 def test_each_problem_is_one_line_with_what_to_do(

@@ -20,7 +20,6 @@ def test_a_second_run_gives_the_same_bytes_and_a_clean_notebook(folder):
     again = tiny.run(folder, "run", "tiny", "--in-place", "--workers", "2")
     assert again.returncode == 0, again.stderr
     assert " s the last time\n" in again.stdout
-    assert ", expected " in again.stdout
     assert {file: content for file, (content, _) in tiny.products(folder).items()} == {
         file: content for file, (content, _) in made.items()
     }
@@ -68,7 +67,7 @@ def test_the_callers_folder_encoding_and_a_closed_clone_change_nothing(folder, t
     assert (ran.returncode, ran.stderr) == (0, "")
     said = f"{folder}/build cannot be written; executed notebooks go to {caller}/try/build"
     assert ran.stdout.splitlines()[0] == said
-    assert "; products in try/tiny\n" in ran.stdout
+    assert f"; products in {caller}/try/tiny\n" in ran.stdout
     assert (caller / "try" / "build" / "01_tiny.ipynb").is_file()
     assert len(list((caller / "try" / "tiny").iterdir())) == 10
     listed = subprocess.run(tiny.command("list"), **options)
