@@ -1,7 +1,7 @@
 """Runs: one notebook in a process of its own, or one notebook over a list of values.
 
-``run`` executes a notebook and returns a :class:`Result`.  How long a paper took with the same
-parameters the last time is kept in ``build/seconds``, so that the next run can say what to expect.
+``run`` executes a notebook and returns a :class:`Result`.  How long it took is kept beside the
+executed notebook, so that the next run can say what to expect.
 With ``resume`` a paper is skipped when its folder holds every product, made from the present
 sources with these parameters and these package versions.
 
@@ -64,7 +64,7 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
         kept, found = str(output) if output.is_file() else "", counts(paper, folder)
         say(f"{paper}: skipped, its products have these sources and parameters ({summary(found)})")
         return result._replace(verdicts=found, skipped=True, notebook=kept)
-    clock, expected = _clock(paper, values), ""
+    clock, expected = output.with_suffix(".seconds"), ""
     with contextlib.suppress(OSError, ValueError):
         expected = f"{float(clock.read_text()):.0f} s"
     say(f"{paper}: running" + (f", {expected} the last time" if expected else ""))
@@ -164,12 +164,6 @@ def _settings(paper, values):
     return json.loads(json.dumps({k: every[k] for k in every if k not in pages.PLUMBING}))
 
 
-def _clock(paper, values):
-    """The file that keeps the seconds of a run."""
-    settings = json.dumps(_settings(paper, values), sort_keys=True)
-    return paths.BUILD / "seconds" / f"{paper}_{products.digest([settings.encode()])}"
-
-
 def _show_time(paper, start, expected):
     """The time that a run has taken so far, on a terminal only."""
     if sys.stderr.isatty():
@@ -228,7 +222,7 @@ def _main(paper, values, output, place, parent):
 
 def _remove_leftovers(*folders):
     """Remove what processes that no longer exist were writing; returns the names."""
-    own = [paths.ROOT, paths.NOTEBOOKS, paths.BUILD, paths.BUILD / "seconds", paths.BUILD / "pages"]
+    own = [paths.ROOT, paths.NOTEBOOKS, paths.BUILD, paths.BUILD / "pages"]
     removed = []
     for file in {file for folder in (*folders, *own) for file in folder.glob("*.part*")}:
         writer = re.search(r"\.(\d+)\.part(\.ipynb)?$", file.name)

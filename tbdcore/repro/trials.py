@@ -146,8 +146,7 @@ def _same_sources(client):
         if not isinstance(found, dict):
             wrong.append(f"{worker} (no answer: {type(found).__name__})")
         elif names := [name for name in sorted(ours | found) if ours.get(name) != found.get(name)]:
-            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-            wrong.append(f"{worker} ({', '.join(names[:3])}{more})")
+            wrong.append(f"{worker} ({', '.join(names)})")
     if wrong:
         advice = "take the same commit for all, then start these workers again"
         raise ConnectionError(f"other sources on the dask worker {', '.join(wrong)}; {advice}")

@@ -67,7 +67,8 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
     ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], **PIPES)
     pid, build, figures = int(ended.stdout), inside / "build", inside / "figures" / "tiny"
     (build / f"tmp.{pid}.part").mkdir()
-    left = [build / f"01_tiny.{pid}.part.ipynb", figures / f".fig1.png.{pid}.part"]
+    reused = build / f".old.{os.getpid()}.part"  # by another process that had this number
+    left = [build / f"01_tiny.{pid}.part.ipynb", figures / f".fig1.png.{pid}.part", reused]
     kept = [
         build / f"01_tiny.{os.getpid()}.part.ipynb",
         build / "mine.part",
@@ -75,6 +76,7 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
     ]
     for file in (*left, *kept):
         file.touch()
+    os.utime(reused, (0, 0))
     names = sorted([f"tmp.{pid}.part", *(file.name for file in left)])
     said = []
     batch.run("tiny", {}, build / "01_tiny.ipynb", say=said.append, resume=True)

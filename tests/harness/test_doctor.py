@@ -100,7 +100,11 @@ def wrong_workers(monkeypatch, tmp_path):
         (closed_folder, "folders", "cannot be written; give runs another folder"),
         (closed_cache, "compiled code", "NUMBA_CACHE_DIR"),
         (another_stream, "self-test", "a random stream: not the known result; remove"),
-        (wrong_kernel_result, "self-test", "a compiled kernel, one process against two: not the known"),
+        (
+            wrong_kernel_result,
+            "self-test",
+            "a compiled kernel, one process against two: not",
+        ),
         (wrong_workers, "self-test", "one process against two: not the known result"),
     ],
 )
