@@ -1,13 +1,9 @@
 """Runs: one notebook in a process of its own, or one notebook over a list of values.
 
-``run`` executes a notebook and returns a :class:`Result`.  How long it took is kept beside the
-executed notebook, so that the next run can say what to expect.
-With ``resume`` a paper is skipped when its folder holds every product, made from the present
-sources with these parameters and these package versions.
-
 The notebook runs in a child process (this module's ``__main__``) with a session of its own.  An
 interrupt of the parent ends the child and everything that it started; the child does the same when
 its parent has disappeared.  What processes that were killed have left, the next run removes.
+How long a run took is kept beside the executed notebook, so that the next one can say it.
 """
 
 import contextlib
@@ -169,9 +165,6 @@ def _show_time(paper, start, expected):
     if sys.stderr.isatty():
         elapsed, of = time.monotonic() - start, f" of about {expected}" if expected else " s"
         print(f"\r{paper}: {elapsed:.0f}{of}\033[K\r", end="", file=sys.stderr, flush=True)
-
-
-# The child process -----------------------------------------------------------------------------
 
 
 def _execute(paper, values, output, tick, debug):

@@ -102,9 +102,6 @@ def _folders(figures):
         os.environ.update(before)
 
 
-# Words of the command line ---------------------------------------------------------------------
-
-
 class _Parser(argparse.ArgumentParser):
     """A parser whose errors are one line with the nearest valid word."""
 

@@ -19,17 +19,14 @@ def paper_of(word, known=None):
 
     ValueError, with the nearest of the `known` ones, when it is none of these.
     """
-    known = known or pages.everything()
-    stem = Path(word).name.removesuffix(".ipynb")
+    known, names = known or pages.everything(), {}
     for paper in known:
-        number, name = pages.path(paper).stem[:2], pages.path(paper).stem
-        if word == paper or stem == name or (word.isdecimal() and int(word) == int(number)):
-            return paper
+        stem = pages.path(paper).stem
+        names |= dict.fromkeys((paper, stem, stem[:2], stem[:2].lstrip("0") or "0"), paper)
+    if (name := Path(word).name.removesuffix(".ipynb")) in names:
+        return names[name]
     near = f"the nearest is {claims.nearest(word, known)!r} of {', '.join(known)}"
     raise ValueError(f"paper {word!r}: there is no such notebook here; {near}")
-
-
-# Runs ------------------------------------------------------------------------------------------
 
 
 def run_papers(arguments):
@@ -164,9 +161,6 @@ def _find_clusters(jobs, arguments):
     for address in {values.get("scheduler", "") for values in jobs} - {""}:
         workers, threads = trials.cluster(address)
         _say(arguments, f"scheduler {address}: workers {workers}, threads {threads}")
-
-
-# Products --------------------------------------------------------------------------------------
 
 
 def score_papers(arguments):

@@ -89,19 +89,6 @@ def folders():
     return f"{', '.join(map(str, places))} can be written"
 
 
-def compiled_code():
-    """Where compiled kernels are kept between runs."""
-    advice = "make it writable, or name a folder that is: NUMBA_CACHE_DIR=DIR"
-    try:
-        from tbdcore import kalman
-    except RuntimeError as error:  # Numba found no folder at all
-        raise Problem(f"{error}; {advice}") from None
-    place = Path(kalman.predict_cv.stats.cache_path)
-    if not paths.writable(place):
-        raise Problem(f"{place} cannot be written, so every run compiles again; {advice}")
-    return f"kept in {place}"
-
-
 def self_test():
     """Three calculations whose results are known."""
     from tbdcore import kalman
@@ -133,6 +120,5 @@ CHECKS = {
     "packages": packages,
     "Jupyter kernel": jupyter_kernel,
     "folders": folders,
-    "compiled code": compiled_code,
     "self-test": self_test,
 }

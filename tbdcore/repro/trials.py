@@ -30,6 +30,7 @@ from tbdcore.repro.processes import end_with_parent
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
 SHARES = 3  # a chunk is this part of a worker's share of the trials that are left
+ANSWER = 5  # seconds that a scheduler may take to answer
 PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
 DAY = 86400  # seconds an idle process waits; loky prints a warning when one leaves as work arrives
 
@@ -125,7 +126,7 @@ def _client(address):
         wrong = "no address of a dask scheduler; write tcp://host:8786"
         raise ConnectionError(f"{where}: {wrong}, {here}")
     try:
-        client = Client(address, timeout=5, set_as_default=False)
+        client = Client(address, timeout=ANSWER, set_as_default=False)
     except (OSError, ValueError) as error:  # a timeout among them
         wrong = f"no dask scheduler answers there ({type(error).__name__}); check the address"
         raise ConnectionError(f"{where}: {wrong}, {here}") from None
