@@ -88,6 +88,15 @@ def test_a_process_that_has_ended_is_not_waited_for(monkeypatch):
         processes.end([process])
 
 
+def test_a_process_has_time_to_end():
+    slow = "import signal, sys, time\nsignal.signal(15, lambda *_: (time.sleep(0.1), sys.exit(7)))"
+    words = [sys.executable, "-c", f"{slow}\nprint(flush=True)\ntime.sleep(99)"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE) as child:
+        child.stdout.readline()
+        processes.end([psutil.Process(child.pid)])
+        assert child.wait(timeout=60) == 7
+
+
 def test_a_process_that_does_not_listen_is_killed(monkeypatch):
     monkeypatch.setattr(processes, "NOTICE", 0.05)
     deaf = "import signal, time; signal.signal(15, 1); print(flush=True); time.sleep(99)"

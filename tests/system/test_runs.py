@@ -93,6 +93,7 @@ def test_a_run_that_fails_in_its_last_cell_leaves_the_figures(folder):
     )
     told = json.loads(failed.stdout)
     assert told["status"] == 1
+    assert 0 < told["seconds"] < 99
     assert "tiny, cell 8: ValueError: tiny: no verdict on 1 of 3 claims: price" in told["error"]
     assert told["error"] in failed.stderr
     left = folder / "build" / "01_tiny.failed.ipynb"
