@@ -192,7 +192,8 @@ def doubling(n):
         rate = false(n)
         white = [noise.gaussian(shape, np.random.default_rng([i, 1])) for i in range(n)]
         print(
-            f"\nfalse alarms of chapter {chapter}; clean: {rate([by_law(law, z) for z in white]):.4f}"
+            f"\nfalse alarms of chapter {chapter}; clean: "
+            f"{rate([by_law(law, z) for z in white]):.4f}"
         )
         for name, (fault, sizes) in FAULTS.items():
             if ONE_LAW.get(name, law) == law:

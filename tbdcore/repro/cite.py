@@ -66,7 +66,7 @@ def retired():
 def _doubts(it):
     """Column and fault of everything that is wrong in a row of retired.csv."""
     made = [(paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead)]
-    if not re.fullmatch(r"\w+/\w+", it.id) or it.id.partition("/")[0] not in pages.everything():
+    if not re.fullmatch(r"\w+/\w+", it.id) or it.id.partition("/")[0] not in pages.notebooks():
         yield "id", f"{it.id!r} is no id of a figure or table, such as track_cfar/fig05"
     if made[0]:
         yield "id", f"{it.id!r} is still made; delete the row, or the figure"

@@ -8,21 +8,18 @@ the texts of messages do not count.
 """
 
 import ast
-import contextlib
 import functools
 import hashlib
 import json
 import math
 import os
 import re
-import signal
 import textwrap
 from importlib.metadata import version
 
 from tbdcore.repro import paths
+from tbdcore.repro.processes import signals_held
 
-# what asks a run to end
-ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 RECORDED = ("id", "caption", "paper", "claims", "files", "seed", "trials", "digest")
 
 # Files ---------------------------------------------------------------------------------------
@@ -48,36 +45,6 @@ def write(folder, files, old=()):
     finally:
         for part, _ in beside:
             part.unlink(missing_ok=True)
-
-
-@contextlib.contextmanager
-def signals_to(handler):
-    """Signals that ask the run to end go to a handler until the block is done.
-
-    They reach the main thread only; one that the caller ignores (nohup) stays ignored.
-    """
-    before = {}
-    with contextlib.suppress(ValueError):  # not the main thread
-        for number in ENDING:
-            if signal.getsignal(number) != signal.SIG_IGN:
-                before[number] = signal.signal(number, handler)
-    try:
-        yield
-    finally:
-        for number, earlier in before.items():
-            signal.signal(number, earlier or signal.SIG_DFL)
-
-
-@contextlib.contextmanager
-def signals_held():
-    """Hold back signals that ask the run to end until the block is done."""
-    came = []
-    try:
-        with signals_to(lambda *event: came.append(event[0])):
-            yield
-    finally:
-        for number in came:
-            signal.raise_signal(number)
 
 
 def record(file):

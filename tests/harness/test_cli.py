@@ -9,7 +9,7 @@ import pytest
 import tiny
 
 import tbdcore
-from tbdcore.repro import batch, cite, claims, cli, paths, trials
+from tbdcore.repro import batch, cite, claims, cli, commands, paths, trials
 
 HEADER = ",".join(claims.Verdict._fields)
 VERDICTS = f"""{HEADER}
@@ -24,6 +24,9 @@ TABLE = f"""<!-- scorecard -->
 | Means (the tiny paper) | {TINY} | 2 | 2 | 0 | 0 | 0 | 1 untestable |  |
 <!-- /scorecard -->
 """
+
+
+DONE = batch.Result("tiny", 0.0, {}, "", "")
 
 
 def said(capsys, code, *words):
@@ -115,9 +118,8 @@ def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys, 
 
 def test_a_run_says_what_cluster_it_found(repository, capsys, monkeypatch):
     """What it counts is in test_trials."""
-    done = batch.Result("tiny", 0.0, {}, "", "")
     monkeypatch.setattr(trials, "cluster", lambda address: (2, 6))
-    monkeypatch.setattr(batch, "run", lambda *given, **options: done)
+    monkeypatch.setattr(batch, "run", lambda *given, **options: DONE)
     assert cli.main(["run", "tiny", "--scheduler", "tcp://host:8786"]) == 0
     assert capsys.readouterr().out == "scheduler tcp://host:8786: workers 2, threads 6\n"
 
@@ -208,7 +210,7 @@ def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeyp
     def missing(*arguments):
         raise ModuleNotFoundError("No module named 'papermill'", name="papermill")
 
-    monkeypatch.setattr(cli, "_find_clusters", missing)
+    monkeypatch.setattr(commands, "_find_clusters", missing)
     assert "papermill is missing; this needs the extra repro" in said(capsys, 3, "run")
 
 
@@ -265,6 +267,72 @@ def test_the_command_line_starts_without_what_is_slow(repository, words):
 def test_list_names_the_papers(repository, capsys):
     assert cli.main(["list"]) == 0
     assert capsys.readouterr().out == "tiny        01_tiny.ipynb         Means\n"
+
+
+@pytest.mark.parametrize("word", ["tiny", "01", "1", "01_tiny", "notebooks/01_tiny.ipynb"])
+def test_a_paper_is_named_by_its_key_its_number_or_its_notebook(inside, capsys, monkeypatch, word):
+    seen = []
+    monkeypatch.setattr(batch, "run", lambda paper, *_, **__: seen.append(paper) or DONE)
+    monkeypatch.setattr(batch, "sweep", lambda paper, *_, **__: seen.append(paper) or iter([DONE]))
+    for words in (["list", word], ["run", word], ["sweep", word, "shift=1"], ["cite", word]):
+        assert cli.main(words) == 0
+    assert seen == ["tiny", "tiny"]
+    out = capsys.readouterr().out
+    assert out.startswith("tiny: Means")
+    assert out.endswith("Three draws.\n")
+    assert cli.main(["cite", f"{word}/fig1", "--caption"]) == 0
+    assert capsys.readouterr().out == "Nine draws, 100 % of them.\n"
+
+
+def test_an_unknown_paper_is_told_all_that_would_do():
+    with pytest.raises(ValueError, match=r"nearest is 'index' of dp_tbd, .*, together, index$"):
+        commands.paper_of("indx")
+
+
+ADVICE = {
+    "another folder": ("run 1 -p shift=2 --out figures", "run 1 -p shift=2 --out build/try"),
+    "few trials": ("run 1 --quick --out figures", "run 1 --quick --out build/try"),
+    "a value": ("run 1 -p n_trials", "run 1 -p n_trials=7"),
+    "values": ("sweep 1 shift", "sweep 1 shift=1,2"),
+    "a value twice": ("sweep 1 shift=1,1", "sweep 1 shift=1"),
+    "products": ("cite --figures no/such", "cite --figures figures"),
+    "an id": ("cite fig1", "cite tiny/fig1"),
+    "a form": ("cite tiny --latex", "cite"),
+    "a command": ("rum", "run"),
+    "an option": ("run --quik", "run --quick"),
+    "help": ("doctor now", "doctor --help"),
+}
+
+
+@pytest.mark.parametrize(("words", "advice"), ADVICE.values(), ids=ADVICE)
+def test_advice_that_is_followed_leads_on(inside, capsys, monkeypatch, words, advice):
+    """The words of the advice are those of the error."""
+    monkeypatch.chdir(inside)
+    monkeypatch.setattr(batch, "run", lambda *_, **__: DONE)
+    monkeypatch.setattr(batch, "sweep", lambda *_, **__: iter([DONE] * 2))
+    error = said(capsys, 2, *words.split())
+    assert advice.split()[-1].partition("=")[0] in error
+    if "--help" in advice:
+        with pytest.raises(SystemExit) as caught:
+            cli.main(advice.split())
+        assert caught.value.code == 0
+    else:
+        assert cli.main(advice.split()) == 0
+
+
+def test_where_build_cannot_be_written_the_folder_of_out_takes_its_place(
+    repository, capsys, monkeypatch
+):
+    """A file in its place refuses even a user whom no permission stops."""
+    (repository / "build").touch()
+    assert "build cannot be written; name a folder: --out DIR" in said(capsys, 3, "run", "tiny")
+    seen = []
+    monkeypatch.setattr(batch, "run", lambda *given, **_: seen.append(given) or DONE)
+    assert cli.main(["run", "tiny", "--out", "elsewhere"]) == 0
+    build = repository / "elsewhere" / "build"
+    assert f"executed notebooks go to {build}\n" in capsys.readouterr().out
+    assert seen[0][2] == build / "01_tiny.ipynb"
+    assert repository / "build" == paths.BUILD, "for one command only"
 
 
 def test_list_of_a_paper_shows_parameters_and_products(inside, capsys):

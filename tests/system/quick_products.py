@@ -75,7 +75,7 @@ def contents(folder):
 @pytest.mark.parametrize("workers", [1, 5])
 def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
     words = ["run", "track_cfar", "--quick", "--workers", str(workers), "--out", str(tmp_path)]
-    subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True)
+    subprocess.run([sys.executable, "-m", "tbdcore", *words], check=True)
     here, there = contents(paths.BUILD / "quick" / "track_cfar"), contents(tmp_path / "track_cfar")
     assert here.keys() == there.keys()
     assert [name for name in here if here[name] != there[name]] == []
@@ -84,7 +84,7 @@ def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
 @pytest.mark.parametrize("paper", [name for name in pages.notebooks() if name != "index"])
 def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, scheduler, tmp_path):
     words = ["run", paper, "--quick", "--scheduler", scheduler, "--out", str(tmp_path)]
-    subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True, env=elsewhere)
+    subprocess.run([sys.executable, "-m", "tbdcore", *words], check=True, env=elsewhere)
     here, there = (
         {file.name: file for file in folder.iterdir()}
         for folder in (paths.BUILD / "quick" / paper, tmp_path / paper)
