@@ -42,9 +42,8 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tbdcore.checks import Array, Number, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked
 from tbdcore.jit import kernel
 
 __all__ = ["MAX_TRACKS", "gate", "ipda", "jipda", "ljipda", "modulated_log_ratio", "prior_odds"]

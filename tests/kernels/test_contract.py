@@ -191,8 +191,8 @@ def test_what_is_no_array_of_numbers_is_refused(name):
 
 def any_axes(function, argument):
     """Whether leading axes of any number are stacks, so that one more is valid."""
-    rule = getattr(inspect.signature(function).parameters[argument].annotation, "__metadata__", [0])
-    return getattr(rule[0], "any_axes", False)
+    rule = inspect.signature(function).parameters[argument].annotation
+    return getattr(rule, "any_axes", False)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
