@@ -6,46 +6,45 @@ from tbdcore import dynprog
 
 M = 3
 LOWEST = 1 - M
-ASIDE = np.array([0.95, 1.0, 0.95])
+EQUAL = np.array([0.95, 1.0, 0.95])
 LEFT_OUT = np.array([0.0, 1.0, 0.9])
 PRICE = np.array([0.3, 0.0, np.inf])
 LITERAL = np.array([[0.95 ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
 
 
-def frames(K=3, shape=(9, 7), reach=4, shift=0.0, lost=0.3, seed=3):
+def frames(K=3, shape=(9, 7), width=4, shift=0.0, lost=0.3, seed=3):
     """Frames in their margin; some cells, and so the states that pass through them, at -inf; all
     negative where shift says so.
     """
     rng = np.random.default_rng(seed)
-    z = np.full((K, shape[0] + 2 * reach, shape[1] + 2 * reach), -np.inf)
+    z = np.full((K, shape[0] + 2 * width, shape[1] + 2 * width), -np.inf)
     values = rng.normal(shift, 1.0, (K, *shape))
-    z[:, reach : reach + shape[0], reach : reach + shape[1]] = np.where(
+    z[:, width : width + shape[0], width : width + shape[1]] = np.where(
         rng.random(values.shape) < lost, -np.inf, values
     )
     return z
 
 
-def forward(weights, lowest_velocity=LOWEST, reach=4, V=2 * M, **about):
-    """Arguments of a forward pass that holds no maps."""
-    z = frames(reach=reach, **about)
-    I = np.full((len(z), V, V, *z.shape[1:]), np.nan)
-    return z, *weights, lowest_velocity, reach, I, np.full_like(z, np.nan)
+def forward(weights, lowest=LOWEST, width=4, V=2 * M, **about):
+    """Arguments of a forward pass of new maps."""
+    return frames(width=width, **about), *weights, (lowest, lowest + V - 1), width
 
 
-def again(name, weights, cells, lowest_velocity=LOWEST, reach=4, V=2 * M):
-    """Arguments of a forward pass that holds the maps of frames which differ in some cells."""
-    arguments = forward(weights, lowest_velocity, reach, V, K=5, shape=(26, 7), lost=0.1)
-    z, held = arguments[0].copy(), arguments[0]
-    I = getattr(dynprog, f"{name}_forward_spec")(*arguments)
+def again(name, weights, cells, lowest=LOWEST, width=4, V=2 * M):
+    """Arguments of a forward pass that updates the maps of frames which differ in some cells."""
+    arguments = forward(weights, lowest, width, V, K=5, shape=(26, 7), lost=0.1)
+    maps = getattr(dynprog, f"{name}_forward_spec")(*arguments)
+    maps = maps._replace(frames=maps.frames.copy())
+    z = arguments[0].copy()
     for k, i, j in cells:
-        z[k, reach + i, reach + j] = 3.0 if z[k, reach + i, reach + j] < 0.0 else -3.0
-    return z, *weights, lowest_velocity, reach, I, held
+        z[k, width + i, width + j] = 3.0 if z[k, width + i, width + j] < 0.0 else -3.0
+    return z, *arguments[1:], maps
 
 
-def back(weights, state, lowest_velocity=LOWEST, V=2 * M, **about):
+def back(weights, state, lowest=LOWEST, V=2 * M, **about):
     """Arguments of a path back through four value maps that need not come from any forward pass."""
     I = frames(K=4 * V * V, **about)
-    return I.reshape(4, V, V, *I.shape[1:]), state, *weights, lowest_velocity
+    return I.reshape(4, V, V, *I.shape[1:]), state, *weights, lowest
 
 
 DATA = (
@@ -58,11 +57,11 @@ BOXES = (
     (np.array([0.0, 1, 1]), LOWEST, 6, 4),
     (np.ones(3), LOWEST, 6, 5),
 )
-BOXES += tuple((np.ones(n), 0, 1, n // 2) for n in (5, 9, 11, 19, 29)) + (
+BOXES += tuple((np.ones(n), 0, 1, n // 2) for n in (9, 11, 29)) + (
     (np.array([0.0, 1, 1, 1, 1]), LOWEST, 6, 5),
 )
 FAMILIES = (
-    ("weighted", (ASIDE, ASIDE)),
+    ("weighted", (EQUAL, EQUAL)),
     ("weighted", (LEFT_OUT, np.array([0.0, 1.0, 0.0]))),
     ("weighted", (np.ones(3), LEFT_OUT)),
     ("penalised", (PRICE, np.array([0.2, 0.0, 0.2]))),
@@ -86,8 +85,8 @@ CASES = [
         *pair("box_forward"),
         lambda w=w, v=v, V=V, r=r, about=about: forward((w,), v, r, V, **about),
     )
-    for w, v, V, r in BOXES
-    for about in DATA
+    for number, (w, v, V, r) in enumerate(BOXES)
+    for about in (DATA if number < 3 else DATA[:1])
 ]
 CASES += [
     (
@@ -110,7 +109,7 @@ CASES += [
         *(("box", (w,), v, r, V) for w, v, V, r in BOXES),
         *FAMILIES,
     ]
-    for cells in CHANGES
+    for cells in (CHANGES if name != "box" else CHANGES[::3])
 ]
 CASES += [
     (
@@ -120,7 +119,7 @@ CASES += [
     )
     for name, weights in FAMILIES
     for state in STATES
-    for about in ({}, {"shift": -5.0}, {"lost": 1.0})
+    for about in ({"shift": -5.0}, {"lost": 1.0})
 ]
 CASES += [
     (

@@ -33,21 +33,21 @@ def test_margin(values, width):
 
 @same
 @given(st.data(), FAMILIES, WEIGHTS, WEIGHTS, NUMBERS, NUMBERS, st.integers(1, 4))
-def test_forward_and_path(data, family, position, velocity, lowest, reach, V):
+def test_forward_and_path(data, family, position, velocity, lowest, width, V):
     values = data.draw(st.lists(st.floats(-5, 5), min_size=4, max_size=4))
-    z = dynprog.margin(np.resize(np.array(values), (3, 4, 3)), max(reach, 0))
-    I = np.full((3, V, V, *z.shape[1:]), np.nan)
+    z = dynprog.margin(np.resize(np.array(values), (3, 4, 3)), max(width, 0))
     position, velocity = np.array(position, float), np.array(velocity, float)
     weights = {"box": (position,), "coupled": (np.outer(position, velocity),)}.get(
         family, (position, velocity)
     )
-    held = np.full_like(z, np.nan)
-    out = result(getattr(dynprog, f"{family}_forward"), z, *weights, lowest, reach, I, held)
+    velocities = lowest, lowest + V - 1
+    out = result(getattr(dynprog, f"{family}_forward"), z, *weights, velocities, width)
+    I = out.values if out else np.zeros((3, V, V, *z.shape[1:]))
     state = data.draw(st.tuples(*[st.integers(-1, n) for n in I.shape[1:]]))
     back = (*weights, np.ones(1)) if family == "box" else weights
     path = getattr(dynprog, f"{family.replace('box', 'weighted')}_path")
     if out is None:
-        result(path, np.zeros(I.shape), state, *back, lowest)
+        result(path, I, state, *back, lowest)
         return
     assert not np.isnan(I).any()
     assert (I[1:] < np.inf).all()
@@ -68,13 +68,11 @@ CELLS = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 19), st.integers(0,
 def test_maps_of_changed_frames_equal_those_of_a_whole_pass(cells, family, lowest, V, seed):
     w, forward = np.array([0.9, 1.0, 0.8]), getattr(dynprog, f"{family}_forward")
     weights = {"box": (w,), "coupled": (np.outer(w, w),)}.get(family, (w, w))
-    reach = 1 + max(abs(lowest), abs(lowest + V - 1))
-    held = dynprog.margin(np.random.default_rng(seed).normal(-1.0, 1.0, (4, 20, 3)), reach)
-    none, maps, whole = np.full_like(held, np.nan), *np.full((2, 4, V, V, *held.shape[1:]), np.nan)
-    forward(held, *weights, lowest, reach, maps, none)
-    z = held.copy()
+    width = 1 + max(abs(lowest), abs(lowest + V - 1))
+    z = dynprog.margin(np.random.default_rng(seed).normal(-1.0, 1.0, (4, 20, 3)), width)
+    velocities = lowest, lowest + V - 1
+    maps = forward(z, *weights, velocities, width)
     for k, i, j in cells:
-        z[k, reach + i, reach + j] *= -2.0
-    forward(z, *weights, lowest, reach, maps, held)
-    forward(z, *weights, lowest, reach, whole, none)
-    assert np.array_equal(maps, whole)
+        z[k, width + i, width + j] *= -2.0
+    updated = forward(z, *weights, velocities, width, maps).values
+    assert np.array_equal(updated, forward(z, *weights, velocities, width).values)
