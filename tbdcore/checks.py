@@ -20,14 +20,14 @@ import functools
 import inspect
 import operator
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numba import typeof
 
 from tbdcore.jit import kernel
 
-__all__ = ["Flag", "Integer", "Integers", "Number", "Numbers", "Random"]
+__all__ = ["Array", "Flag", "Integer", "Integers", "Number", "Numbers", "Random"]
 __all__ += ["array", "checked", "integer", "integers", "number", "numbers"]
 
 MOST = float(np.finfo(float).max)
@@ -36,7 +36,11 @@ Array = np.ndarray
 Function = TypeVar("Function", bound=Callable)
 
 
-def checked(function: Function | None = None, *, inside: Any = None) -> Any:
+@overload
+def checked(function: Function) -> Function: ...
+@overload
+def checked(*, inside: Callable) -> Callable[[Function], Function]: ...
+def checked(function=None, *, inside=None):
     """Apply the rules in the annotations of a function, compiled or not, to its arguments.
 
     Kernels that call it get the compiled function without these checks: ``inside``, if given.
@@ -49,9 +53,11 @@ def checked(function: Function | None = None, *, inside: Any = None) -> Any:
     signature = inspect.signature(plain)
     where = f"{plain.__module__}.{plain.__name__}".removeprefix("tbdcore.")
     rules = [
-        (*getattr(p.annotation, "__metadata__", (_any,)), f"{where}: {p.name}")
+        (*getattr(p.annotation, "__metadata__", [_Unchecked()])[:1], f"{where}: {p.name}")
         for p in signature.parameters.values()
     ]
+    limits = [(n, rule.limit, name) for n, (rule, name) in enumerate(rules) if rule.limited]
+    known = set()  # types and shapes of calls that fit: what is left are the values
 
     @functools.wraps(plain)
     def call(*args, **named):
@@ -59,9 +65,19 @@ def checked(function: Function | None = None, *, inside: Any = None) -> Any:
             bound = signature.bind(*args, **named)
             bound.apply_defaults()
             args = bound.args
+        kinds = tuple(
+            [(a.dtype, a.shape) if type(a) is Array and a.flags.carray else type(a) for a in args]
+        )
+        if kinds in known:
+            for n, limit, name in limits:
+                limit(name, args[n])
+            return function(*args)
         sizes: dict = {}
-        values = zip(rules, args, strict=True)
-        return function(*[rule(name, a, sizes, compiled) for (rule, name), a in values])
+        pairs = zip(rules, args, strict=True)
+        fitting = [rule(name, a, sizes, compiled) for (rule, name), a in pairs]
+        if Array not in kinds and all(map(operator.is_, fitting, args)):
+            known.add(kinds) if len(known) < 1000 else known.clear()
+        return function(*fitting)
 
     if compiled:
         call.stats, call._numba_type_ = compiled.stats, typeof(compiled)
@@ -70,9 +86,13 @@ def checked(function: Function | None = None, *, inside: Any = None) -> Any:
     return call
 
 
-def _any(name, value, sizes, compiled):
+class _Unchecked:
     """The rule of an argument that the function checks itself."""
-    return value
+
+    limited = False
+
+    def __call__(self, name, value, sizes, compiled):
+        return value
 
 
 class Numbers:
@@ -89,12 +109,12 @@ class Numbers:
         self.shape = [_size(size) for size in shape[self.any_axes :]]
         self.words = ", ".join(map(str, shape)).replace("Ellipsis", "...") + "," * (len(shape) == 1)
         self.low, self.high, self.nan = None if low is None else float(low), float(high), nan
-        self.single, self.in_place = single, in_place
+        self.single, self.in_place, self.limited = single, in_place, low is not None
 
     def __call__(self, name, values, sizes, compiled=None):
         a = values
         if type(a) is not Array or not (
-            a.dtype is self.dtype or (self.single or self.in_place) and a.dtype is _SINGLE
+            a.dtype == self.dtype or (self.single or self.in_place) and a.dtype == _SINGLE
         ):
             a = self._converted(name, values)
         if (compiled or self.in_place) and not a.flags.carray:
@@ -104,9 +124,14 @@ class Numbers:
             known = ", ".join(f"{k} = {v}" for k, v in sizes.items() if k in self.words)
             known = f" with {known}" if known else ""
             raise ValueError(f"{name}: shape {a.shape} is not ({self.words}){known}; reshape it")
-        if self.low is not None and _outside(a.reshape(-1), self.low, self.high, self.nan):
-            self._refuse(name, a)
+        if self.limited:
+            self.limit(name, a)
         return a
+
+    def limit(self, name, a):
+        """ValueError unless all elements are in [low, high]."""
+        if _outside(a.reshape(-1), self.low, self.high, self.nan):
+            self._refuse(name, a)
 
     def _converted(self, name, values):
         """The values as an array of the rule's type."""
@@ -146,6 +171,9 @@ class Integers(Numbers):
 
     dtype, kinds, wanted = _INT, "iu", "integers"
 
+    def __init__(self, *shape, low=None, high=2.0**63):
+        super().__init__(*shape, low=low, high=high)
+
 
 def _size(size):
     """A size as (word, more): ("N", 1) of "N+1", (None, 5) of 5."""
@@ -158,26 +186,35 @@ def _size(size):
 class Number:
     """Rule: a real number in [low, high]; a float."""
 
+    limited = True
+
     def __init__(self, low=-MOST, high=MOST):
         self.low, self.high = low, high
 
     def __call__(self, name, value, sizes=None, compiled=None):
         x = value
-        if isinstance(x, np.generic) or type(x) is Array and not x.ndim:
+        if type(x) is not float and isinstance(x, np.generic) or type(x) is Array and not x.ndim:
             x = x.item()  # float32 has other limits
-        real = isinstance(x, (float, np.floating)) or isinstance(x, int) and abs(x) <= MOST
-        if not (real and self.low <= x <= self.high):
-            raise ValueError(f"{name}: {_short(value)} is no number {self._limits()}")
-        return float(x)
+        if isinstance(x, (float, np.floating)) or isinstance(x, int) and abs(x) <= MOST:
+            self.limit(name, x)
+            return x if type(x) is float else float(x)
+        raise self._error(name, value)
 
-    def _limits(self):
-        if self.high == -self.low == MOST:
-            return "that is finite"
-        return f"in [{self.low:g}, {self.high:g}]"
+    def limit(self, name, x):
+        """ValueError unless x is in [low, high]."""
+        if not self.low <= x <= self.high:
+            raise self._error(name, x)
+
+    def _error(self, name, value):
+        finite = self.high == -self.low == MOST
+        limits = "that is finite" if finite else f"in [{self.low:g}, {self.high:g}]"
+        return ValueError(f"{name}: {_short(value)} is no number {limits}")
 
 
 class Integer:
     """Rule: an integer in [low, high]; an int."""
+
+    limited = True
 
     def __init__(self, low, high=2**63 - 1):
         self.low, self.high = low, high
@@ -186,15 +223,24 @@ class Integer:
         try:
             n = operator.index(value)
         except TypeError:
-            n = self.low - 1
-        if not self.low <= n <= self.high:
-            most = "" if self.high == 2**63 - 1 else f" and at most {self.high}"
-            raise ValueError(f"{name}: {_short(value)} is no integer of at least {self.low}{most}")
+            raise self._error(name, value) from None
+        self.limit(name, n)
         return n
+
+    def limit(self, name, n):
+        """ValueError unless n is in [low, high]."""
+        if not self.low <= n <= self.high:
+            raise self._error(name, n)
+
+    def _error(self, name, value):
+        most = "" if self.high == 2**63 - 1 else f" and at most {self.high}"
+        return ValueError(f"{name}: {_short(value)} is no integer of at least {self.low}{most}")
 
 
 class Flag:
     """Rule: True or False."""
+
+    limited = False
 
     def __call__(self, name, value, sizes=None, compiled=None):
         if not isinstance(value, (bool, np.bool_)):
@@ -204,6 +250,8 @@ class Flag:
 
 class Random:
     """Rule: a numpy.random.Generator; None too where ``optional``."""
+
+    limited = False
 
     def __init__(self, optional=False):
         self.optional = optional
@@ -235,6 +283,12 @@ def _hides(values):
     return isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values)
 
 
+@functools.lru_cache(256)
+def _rule(kind, *shape, **options):
+    """A rule that is applied again and again."""
+    return kind(*shape, **options)
+
+
 def number(name: str, value: Any, low: float, high: float) -> float:
     """A real number in [low, high]; ValueError otherwise."""
     return Number(low, high)(name, value)
@@ -251,12 +305,12 @@ def numbers(name: str, values: Any, *shape: Any, low: Any = None, high: float = 
     float32 and float64 are kept, other real numbers become float64.  low, high : limits, NaN is
     then a ValueError; without them any value passes.
     """
-    return Numbers(*shape, low=low, high=high, single=True)(name, values, {})
+    return _rule(Numbers, *shape, low=low, high=high, single=True)(name, values, {})
 
 
-def integers(name: str, values: Any, *shape: Any, low: Any = None, high: float = MOST) -> Array:
+def integers(name: str, values: Any, *shape: Any, low: Any = None, high: float = 2.0**63) -> Array:
     """Array of integers (int64) of the given shape, as in :func:`numbers`."""
-    return Integers(*shape, low=low, high=high)(name, values, {})
+    return _rule(Integers, *shape, low=low, high=high)(name, values, {})
 
 
 @kernel
@@ -276,7 +330,8 @@ reals, plain = numbers, array
 
 def within(name, a, low, high):
     """The array a; ValueError, naming the first, unless all elements lie in [low, high]."""
-    return Numbers(..., low=low, high=high, single=True)(name, a, {})
+    _rule(Numbers, ..., low=low, high=high, single=True)(name, a, {})
+    return a
 
 
 def typed(compiled, inside=None):
