@@ -14,6 +14,7 @@ Range and azimuth  power of a Gaussian blob of unknown amplitude in noise of exp
 Each section has a simulated frame and the log-likelihood ratio of "target at this state" against
 "noise only".  Cells are independent, and one that the target does not reach has the same factor
 under both hypotheses: the ratio is a product over a patch around the target, 1 outside the frame.
+A place that is NaN or infinite is off the frame.
 
 For a known signal h and normal noise the log-ratio of one cell is h (2 z - h) / (2 sigma**2).
 Summed over the patch it is normal too, with mean +d**2/2 if the target is there and -d**2/2 if not,
@@ -394,8 +395,8 @@ def add_target(
     power: Annotated[ArrayLike, Numbers(..., low=None)],
     spread: Spread,
     rng: Annotated[np.random.Generator | None, Random(optional=True)],
-) -> None:
-    """Add a target to noise frames, in place: z = |A h + v|**2, one complex amplitude A per frame.
+) -> Array:
+    """Add a target to noise frames z, in place: |A h + v|**2, one complex amplitude A per frame.
 
     z : (K, nr, na) noise power |v|**2 in units of its mean
     rho, alpha : (K,) place of the target in cells, NaN where there is none
@@ -417,6 +418,7 @@ def add_target(
             v2 *= 1.0 + s
         else:
             v2[:] = s + v2 + 2.0 * np.sqrt(s * v2) * np.cos(2.0 * np.pi * rng.random(s.shape))
+    return z
 
 
 def _patches(z, rho, alpha, spread):
@@ -601,9 +603,9 @@ def cell_power_spec(z, rho, alpha):
 @checked
 @kernel
 def cell_power(
-    z: Annotated[ArrayLike, Numbers("nr", "na", single=True)], rho: Places, alpha: Places
+    z: Annotated[ArrayLike, Numbers("nr", "na", low=None, single=True)], rho: Places, alpha: Places
 ) -> Array:
-    """Power (N,) of the cell of z (nr, na) at each rho, alpha (N,) in cells, 0 off the frame."""
+    """Value (N,) of the cell of z (nr, na), NaN too, at each rho, alpha (N,); 0 off the frame."""
     nr, na = z.shape
     out = np.zeros(rho.size)
     for n in range(rho.size):
