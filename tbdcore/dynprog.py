@@ -42,18 +42,6 @@ __all__ += ["penalised_forward", "penalised_path", "weighted_forward", "weighted
 PIECE = 3840  # bytes of a plane that are treated together: they stay in the first-level cache
 FAR = 1 << 40  # first row of an empty range, and minus its end
 
-Array = np.ndarray
-Frames = Annotated[ArrayLike, Numbers("K", "X", "Y", low=None, single=True)]
-Weights = Annotated[ArrayLike, Numbers("2d+1", low=0.0)]
-Three = Annotated[ArrayLike, Numbers(3, low=0.0)]
-Prices = Annotated[ArrayLike, Numbers(3, low=0.0, high=np.inf)]
-Table = Annotated[ArrayLike, Numbers(3, 3, low=0.0)]
-Velocities = Annotated[Sequence[int], Integers(2, low=-(2**31), high=2**31)]
-Velocity = Annotated[int, Integer(-(2**31), 2**31)]
-Width = Annotated[int, Integer(0, 2**31)]
-Values = Annotated[ArrayLike, Numbers("K", "V", "V", "X", "Y", low=None, single=True)]
-State = Annotated[Sequence[int], Integers(4, low=0)]
-
 
 class Maps(NamedTuple):
     """The result of a forward pass.  Given to the next one, it is updated in place.
@@ -66,6 +54,21 @@ class Maps(NamedTuple):
     values: np.ndarray
     frames: np.ndarray
     setting: tuple[float, ...]
+
+
+Array = np.ndarray
+Frames = Annotated[ArrayLike, Numbers("K", "X", "Y", low=None, single=True)]
+Weights = Annotated[ArrayLike, Numbers("2d+1", low=0.0)]
+Changes = Annotated[ArrayLike, Numbers("2c+1", low=0.0)]
+Three = Annotated[ArrayLike, Numbers(3, low=0.0)]
+Prices = Annotated[ArrayLike, Numbers(3, low=0.0, high=np.inf)]
+Table = Annotated[ArrayLike, Numbers(3, 3, low=0.0)]
+Pair = Annotated[Sequence[int], Integers(2, low=-(2**31), high=2**31)]
+Velocity = Annotated[int, Integer(-(2**31), 2**31)]
+Width = Annotated[int, Integer(0, 2**31)]
+Values = Annotated[ArrayLike, Numbers("K", "V", "V", "X", "Y", low=None, single=True)]
+State = Annotated[Sequence[int], Integers(4, low=0)]
+Start = Maps | None
 
 
 @checked
@@ -142,11 +145,13 @@ def _changed_rows(z, old, width):
         rows[k, 0] = FAR
         rows[k, 1] = -FAR
         for i in range(X):
-            if _differ(z[k, i], old[k, i]):
+            new, before, differ = z[k, i], old[k, i], 0
+            for j in range(Y):
+                differ += new[j] != before[j]
+            if differ > 0:
+                _check_row(new, Y if i < width or i >= X - width else width)
                 rows[k, 0] = min(rows[k, 0], i)
                 rows[k, 1] = i + 1
-                if not _sound(z[k, i], Y if i < width or i >= X - width else width):
-                    raise ValueError("z: NaN, inf, or no margin of -inf; use margin(frames, width)")
     for k in range(K):
         for i in range(rows[k, 0], rows[k, 1]):
             old[k, i] = z[k, i]
@@ -154,25 +159,17 @@ def _changed_rows(z, old, width):
 
 
 @kernel
-def _differ(a, b):
-    """Whether two rows differ; NaN does."""
-    n = 0
-    for j in range(a.size):
-        n += a[j] != b[j]
-    return n > 0
-
-
-@kernel
-def _sound(row, width):
-    """Whether a row has no NaN and no inf, and -inf in its margin."""
-    finite = lowest = outside = 0
+def _check_row(row, width):
+    """ValueError if a row has NaN, inf, or not -inf in its margin."""
+    finite = lowest = margin = 0
     for j in range(row.size):
         finite += row[j] - row[j] == 0
         lowest += row[j] == -np.inf
     for j in range(width):
-        outside += row[j] == -np.inf
-        outside += row[row.size - 1 - j] == -np.inf
-    return finite + lowest == row.size and outside == 2 * width
+        margin += row[j] == -np.inf
+        margin += row[row.size - 1 - j] == -np.inf
+    if finite + lowest < row.size or margin < 2 * width:
+        raise ValueError("z: NaN, inf, or no margin of -inf; use margin(frames, width)")
 
 
 @kernel
@@ -252,7 +249,7 @@ def box_forward_spec(z, position, velocities, width, maps=None):
 
 @checked
 def box_forward(
-    z: Frames, position: Weights, velocities: Velocities, width: Width, maps: Maps | None = None
+    z: Frames, position: Weights, velocities: Pair, width: Width, maps: Start = None
 ) -> Maps:
     """Value maps of Wan et al. 2013, eqs. (4), (6), (7), (14): each allowed slack counts the same.
 
@@ -499,12 +496,7 @@ def weighted_forward_spec(z, position, velocity, velocities, width, maps=None):
 
 @checked
 def weighted_forward(
-    z: Frames,
-    position: Three,
-    velocity: Three,
-    velocities: Velocities,
-    width: Width,
-    maps: Maps | None = None,
+    z: Frames, position: Three, velocity: Three, velocities: Pair, width: Width, maps: Start = None
 ) -> Maps:
     """Value maps of Wan et al. 2013, eqs. (8), (12), with g = position[m] velocity[r] on each axis.
 
@@ -528,9 +520,9 @@ def penalised_forward(
     z: Frames,
     position: Prices,
     velocity: Prices,
-    velocities: Velocities,
+    velocities: Pair,
     width: Width,
-    maps: Maps | None = None,
+    maps: Start = None,
 ) -> Maps:
     """I_k = z_k + max (I_{k-1} - position[m] - velocity[r] - the same on the other axis).
 
@@ -549,7 +541,7 @@ def coupled_forward_spec(z, table, velocities, width, maps=None):
 
 @checked
 def coupled_forward(
-    z: Frames, table: Table, velocities: Velocities, width: Width, maps: Maps | None = None
+    z: Frames, table: Table, velocities: Pair, width: Width, maps: Start = None
 ) -> Maps:
     """Value maps of Wan et al. 2013, eqs. (8), (12), with g = table[m, r] on each axis.
 
@@ -625,11 +617,7 @@ def weighted_path_spec(I, state, position, velocity, lowest):
 
 @checked
 def weighted_path(
-    I: Values,
-    state: State,
-    position: Weights,
-    velocity: Annotated[ArrayLike, Numbers("2c+1", low=0.0)],
-    lowest: Velocity,
+    I: Values, state: State, position: Weights, velocity: Changes, lowest: Velocity
 ) -> Array:
     """Wan et al. 2013, eqs. (13), (19): the best path that ends in ``state``.
 

@@ -44,6 +44,11 @@ Real = Annotated[float, Number()]
 Positive = Annotated[float, Number(1e-9, 1e9)]
 Peak = Annotated[float, Number(-HIGH, HIGH)]
 Shape = Annotated[ArrayLike, Integers(2, low=0)]  # (n_x, n_y), or (nr, na)
+Frame = Annotated[ArrayLike, Numbers("n_x", "n_y", low=-HIGH, high=HIGH, single=True)]
+States = Annotated[ArrayLike, Numbers("N", "d", low=None)]
+Regimes = Annotated[ArrayLike, Integers("N")]
+Deviation = Annotated[float, Number(1.0 / HIGH, HIGH)]
+Place = Annotated[ArrayLike, Numbers(..., nan=True)]
 Power = Annotated[ArrayLike, Numbers("nr", "na", low=0.0, high=HIGH, single=True)]
 Places = Annotated[ArrayLike, Numbers("N", low=None)]  # in cells; NaN is off the frame
 Intensities = Annotated[ArrayLike, Numbers("N", low=-HIGH, high=HIGH)]
@@ -62,13 +67,7 @@ def blob_peak(
 
 
 @checked
-def blob_image(
-    x: Annotated[ArrayLike, Numbers(..., nan=True)],
-    y: Annotated[ArrayLike, Numbers(..., nan=True)],
-    peak: Peak,
-    blur: Positive,
-    shape: Shape,
-) -> Array:
+def blob_image(x: Place, y: Place, peak: Peak, blur: Positive, shape: Shape) -> Array:
     """Noise-free frames h of a Gaussian blob: (n_x, n_y), or (K, n_x, n_y) for K positions.
 
     x, y : numbers or (K,), in cells, counted from 1; NaN: no target, h = 0.
@@ -175,12 +174,7 @@ def _blob_sums(z, S, present, g, decay, peak, noise):
 
 @checked
 def blob_log_ratio(
-    z: Annotated[ArrayLike, Numbers("n_x", "n_y", low=-HIGH, high=HIGH, single=True)],
-    S: Annotated[ArrayLike, Numbers("N", "d", low=None)],
-    r: Annotated[ArrayLike, Integers("N")],
-    peak: Peak,
-    blur: Positive,
-    noise: Annotated[float, Number(1.0 / HIGH, HIGH)],
+    z: Frame, S: States, r: Regimes, peak: Peak, blur: Positive, noise: Deviation
 ) -> Array:
     """Log-likelihood ratio (N,) of the 5 x 5 patch around each particle: target against noise only.
 
@@ -548,8 +542,7 @@ def _power_log_ratio(z, nr, na, rho, alpha, snr, peaks, spread):
     z : the frame with zeros around it: ha columns to the left, five rows below.  The cells beyond
     the frame have h = 0.
     """
-    hr = spread.hr
-    ha = spread.ha
+    _, _, hr, ha = spread
     columns = z.shape[1] - ha - na  # as many as are computed together
     fr, fa = _decays(spread)
     gr = np.zeros(2 * hr + 5)
@@ -637,8 +630,7 @@ def patch_fit(z: Power, rho: Places, alpha: Places, spread: Spread) -> Array:
 @kernel
 def _patch_fit(z, rho, alpha, peaks, spread):
     nr, na = z.shape
-    hr = spread.hr
-    ha = spread.ha
+    _, _, hr, ha = spread
     fr, fa = _decays(spread)
     gr = np.zeros(2 * hr + 1)
     ga = np.zeros(2 * ha + 1)
@@ -782,8 +774,7 @@ def _log_mean(x, energy, step, table):
 def _coherent(z, rho, alpha, snr, peaks, spread, step, table):
     """The loop of :func:`coherent_log_ratio`; spread : of the amplitude."""
     nr, na = z.shape
-    hr = spread.hr
-    ha = spread.ha
+    _, _, hr, ha = spread
     fr, fa = _decays(spread)
     gr = np.zeros(2 * hr + 1)
     ga = np.zeros(2 * ha + 1)
