@@ -27,6 +27,7 @@ that a changed cell can reach.
 """
 
 import itertools
+import operator
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
@@ -36,45 +37,26 @@ from numpy.typing import ArrayLike
 from tbdcore.checks import Integer, Integers, Numbers, checked
 from tbdcore.jit import kernel
 
-__all__ = ["Maps", "box_forward", "coupled_forward", "coupled_path", "margin"]
-__all__ += ["penalised_forward", "penalised_path", "weighted_forward", "weighted_path"]
+__all__ = ["Maps", "Transition", "box_transition", "coupled_transition", "forward", "margin"]
+__all__ += ["path", "penalised_transition", "weighted_transition"]
 
 PIECE = 3840  # bytes of a plane that are treated together: they stay in the first-level cache
 FAR = 1 << 40  # first row of an empty range, and minus its end
 
-
-class Maps(NamedTuple):
-    """The result of a forward pass.  Given to the next one, it is updated in place.
-
-    values : (K, V, V, X, Y) value maps I, with X and Y counting the margin
-    frames : (K, X, Y) the frames that they were computed from
-    setting : weights, velocities and width that they were computed with
-    """
-
-    values: np.ndarray
-    frames: np.ndarray
-    setting: tuple[float, ...]
-
-
 Array = np.ndarray
-Frames = Annotated[ArrayLike, Numbers("K", "X", "Y", low=None, single=True)]
-Weights = Annotated[ArrayLike, Numbers("2d+1", low=0.0)]
-Changes = Annotated[ArrayLike, Numbers("2c+1", low=0.0)]
-Three = Annotated[ArrayLike, Numbers(3, low=0.0)]
-Prices = Annotated[ArrayLike, Numbers(3, low=0.0, high=np.inf)]
-Table = Annotated[ArrayLike, Numbers(3, 3, low=0.0)]
+Weights = Annotated[ArrayLike, Numbers("2d+1", low=0.0, single=True)]
+Three = Annotated[ArrayLike, Numbers(3, low=0.0, single=True)]
+Prices = Annotated[ArrayLike, Numbers(3, low=0.0, high=np.inf, single=True)]
+Table = Annotated[ArrayLike, Numbers(3, 3, low=0.0, single=True)]
 Pair = Annotated[Sequence[int], Integers(2, low=-(2**31), high=2**31)]
-Velocity = Annotated[int, Integer(-(2**31), 2**31)]
 Width = Annotated[int, Integer(0, 2**31)]
+Block = Annotated[ArrayLike, Numbers("K", "Nx", "Ny", single=True)]
+Frames = Annotated[ArrayLike, Numbers("K", "X", "Y", low=None, single=True)]
 Values = Annotated[ArrayLike, Numbers("K", "V", "V", "X", "Y", low=None, single=True)]
-State = Annotated[Sequence[int], Integers(4, low=0)]
-Start = Maps | None
 
 
 @checked
-def margin(
-    frames: Annotated[ArrayLike, Numbers("K", "Nx", "Ny", single=True)], width: Width
-) -> Array:
+def margin(frames: Block, width: Width) -> Array:
     """Frames (K, Nx, Ny), all finite, with ``width`` cells of -inf around."""
     if frames.size == 0:
         raise ValueError(f"margin: frames: shape {frames.shape}; give at least one cell")
@@ -84,56 +66,228 @@ def margin(
     return framed
 
 
-def _in_order(a):
-    """The array in C order, to be written to: a compiled function is made for one kind only."""
-    return a if a.flags.carray else np.array(a, order="C")
+# Transitions: which states precede a state, and what each way costs
 
 
-def _weights(name, values, dtype, left_out=0.0):
-    """Weights or prices of the frames' type, if their number is odd and the middle one allowed."""
-    if values.size % 2 == 0 or values.flat[values.size // 2] == left_out:
-        raise ValueError(f"{name}: give an odd number, the middle one not {left_out:g}")
-    return np.ascontiguousarray(values, dtype)
+class Transition(NamedTuple):
+    """The predecessors of a state on each axis; made by the four functions below.
+
+    weights : (1, 2 d + 1) of the slacks, (2, 3) of slacks and changes, or a table (3, 3) of both
+    position, velocity : (n,) and (n, 2 c + 1), the same for the back-trace, NaN for what is left
+        out; velocity has a row for each slack
+    setting : width, lowest and highest velocity, whether the weights are prices, and the weights
+    """
+
+    weights: Array
+    position: Array
+    velocity: Array
+    setting: tuple[float, ...]
 
 
-def _table(table, dtype):
-    """Weights (3, 3) of the frames' type, all positive."""
-    table = np.ascontiguousarray(table, dtype)
-    if not (table > 0).all():
-        raise ValueError("table: all nine weights must be positive")
-    return table
-
-
-def _setting(width, velocities, slack, weights, prices=False):
-    """The arguments of a forward pass as a tuple of numbers; ValueError if a step is too long."""
+def _transition(name, weights, position, velocity, velocities, width, prices=False):
     lowest, highest = velocities.tolist()
+    if weights.shape[1] % 2 == 0:
+        raise ValueError(f"{name}: position: {weights.shape[1]} slacks; give an odd number")
     if lowest > highest:
-        raise ValueError(f"velocities: {lowest} is above {highest}; give (lowest, highest)")
-    longest = max(-lowest, highest) + slack
+        raise ValueError(f"{name}: velocities: {lowest} is above {highest}")
+    longest = max(-lowest, highest) + weights.shape[1] // 2
     if longest > width:
-        raise ValueError(
-            f"width: {width} cells of margin, but a step of {longest}; use a wider one"
-        )
-    return (width, lowest, highest, prices, *weights.shape, *weights.ravel().tolist())
+        raise ValueError(f"{name}: width: {width} cells, but a step of {longest}; use a wider one")
+    setting = (width, lowest, highest, prices, *weights.shape, *weights.ravel().tolist())
+    return Transition(weights, position, velocity, setting)
 
 
-def _maps_of(z, setting, maps):
-    """Maps to write, and the rows (K, 2), first and end, in which z differs from their frames."""
-    width, lowest, highest = setting[:3]
+def _middle(name, *weights, left_out=0.0):
+    """ValueError if slack 0 or change 0 is left out."""
+    for argument, w in zip(("position", "velocity"), weights, strict=False):
+        if w.size and w[w.size // 2] == left_out:
+            raise ValueError(f"{name}: {argument}: the middle one is {left_out:g}; change it")
+
+
+@checked
+def box_transition(position: Weights, velocities: Pair, width: Width) -> Transition:
+    """Wan et al. 2013, eqs. (4), (6), (7): the velocity is kept, each allowed slack counts alike.
+
+    position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours
+    velocities : (lowest, highest), cells per frame
+    width : of the margin, at least d + the fastest velocity
+    """
+    _middle("box_transition", position)
+    slacks = np.flatnonzero(position)
+    if slacks.size and slacks[-1] - slacks[0] >= slacks.size:
+        raise ValueError("box_transition: position: the allowed slacks must be neighbours")
+    only = np.where(position > 0, position, np.nan)
+    velocity = np.ones((position.size, 1), position.dtype)
+    return _transition("box_transition", position[None], only, velocity, velocities, width)
+
+
+@checked
+def weighted_transition(
+    position: Three, velocity: Three, velocities: Pair, width: Width
+) -> Transition:
+    """Wan et al. 2013, eqs. (8), (12), with g = position[m] velocity[r] on each axis.
+
+    position, velocity : (3,) weights of the slacks and changes -1, 0, 1; 0: left out
+    velocities, width : as in :func:`box_transition`
+    The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
+    """
+    _middle("weighted_transition", position, velocity)
+    weights = np.stack((position, velocity))
+    p, v = np.where(weights > 0, weights, np.nan)
+    rows = np.stack((v, v, v))
+    return _transition("weighted_transition", weights, p, rows, velocities, width)
+
+
+@checked
+def coupled_transition(table: Table, velocities: Pair, width: Width) -> Transition:
+    """Wan et al. 2013, eqs. (8), (12), with g = table[m, r] on each axis.
+
+    table : (3, 3) weights, all positive, position slack first
+    velocities, width : as in :func:`box_transition`
+    Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
+    """
+    if not (table > 0).all():
+        raise ValueError("coupled_transition: table: all nine weights must be positive")
+    ones = np.ones_like(table[0])
+    return _transition("coupled_transition", _in_order(table), ones, table, velocities, width)
+
+
+@checked
+def penalised_transition(
+    position: Prices, velocity: Prices, velocities: Pair, width: Width
+) -> Transition:
+    """Prices are subtracted instead: I_{k-1} - position[m] - velocity[r] - those of the other axis.
+
+    Not in the paper.  position, velocity : (3,) prices, inf for a slack left out.  A price of
+    lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
+    """
+    _middle("penalised_transition", position, velocity, left_out=np.inf)
+    prices = np.stack((position, velocity))
+    rows = np.stack((velocity, velocity, velocity))
+    return _transition("penalised_transition", prices, position, rows, velocities, width, True)
+
+
+def _in_order(a, dtype=None):
+    """The array in C order, to be written to: a compiled function is made for one kind only."""
+    return a if a.flags.carray and dtype in (None, a.dtype) else np.array(a, dtype, order="C")
+
+
+def _known(transition):
+    if not isinstance(transition, Transition):
+        raise ValueError("transition: give what one of the functions *_transition returns")
+    return transition
+
+
+# Specifications
+
+
+def _table(transition):
+    """Both weights in one table (slack, change), NaN where left out; how to apply them."""
+    if transition.setting[3]:
+        return transition.position[:, None] + transition.velocity, np.subtract
+    return transition.position[:, None] * transition.velocity, np.multiply
+
+
+def forward_spec(z, transition, maps=None):
+    """Specification of :func:`forward`: all predecessors of every state."""
+    lowest, highest = transition.setting[1:3]
+    table, combine = _table(transition)
+    if len(transition.weights) == 1:
+        table = np.where(table > 0, 1.0, np.nan)
+    V = highest - lowest + 1
+    dm, dr = np.array(table.shape) // 2
+    slacks = list(np.ndindex(table.shape))
+    I = np.full((len(z), V, V, *z.shape[1:]), -np.inf, z.dtype)
+    I[0] = z[0]
+    for k in range(1, len(z)):
+        for iv, jv, (m, r), (n, s) in itertools.product(range(V), range(V), slacks, slacks):
+            u, w = iv + r - dr, jv + s - dr
+            if 0 <= u < V and 0 <= w < V:
+                moved = np.roll(I[k - 1, u, w], (lowest + u - m + dm, lowest + w - n + dm), (0, 1))
+                value = combine(combine(moved, table[n, s]), table[m, r])
+                np.fmax(I[k, iv, jv], value, out=I[k, iv, jv])  # NaN is never the larger one
+        I[k] += z[k]
+    return Maps(I, z, transition.setting)
+
+
+def _candidates(previous, state, table, lowest, combine):
+    """Values and states of all predecessors of one state inside the map."""
+    n, s, m, r = np.indices(table.shape * 2).reshape(4, -1)
+    dm, dr = np.array(table.shape) // 2
+    u, w = state[0] + r - dr, state[1] + s - dr
+    x, y = state[2] + m - dm - lowest - u, state[3] + n - dm - lowest - w
+    states = np.stack((u, w, x, y), axis=1)
+    keep = ((states >= 0) & (states < previous.shape)).all(axis=1)
+    states = states[keep]
+    values = combine(combine(previous[*states.T], table[n, s][keep]), table[m, r][keep])
+    return np.nan_to_num(values, nan=-np.inf, posinf=np.inf, neginf=-np.inf), states
+
+
+def path_spec(I, state, transition):
+    """Specification of :func:`path`: argmax over all predecessors, frame by frame."""
+    table, combine = _table(transition)
+    lowest = transition.setting[1]
+    path = [state]
+    for previous in I[-2::-1]:
+        values, states = _candidates(previous, state, table, lowest, combine)
+        reached = state[0] >= 0 and values.max(initial=-np.inf) > -np.inf
+        state = tuple(states[values.argmax()].tolist()) if reached else (-1, -1, -1, -1)
+        path.append(state)
+    return np.array(path[::-1])
+
+
+# Forward pass
+
+
+class Maps(NamedTuple):
+    """The result of a forward pass.  Given to the next one, it is updated in place.
+
+    values : (K, V, V, X, Y) value maps I, with X and Y counting the margin
+    frames : (K, X, Y) the frames that they were computed from
+    setting : of the transition that they were computed with
+    """
+
+    values: Array
+    frames: Array
+    setting: tuple[float, ...]
+
+
+@checked
+def forward(z: Frames, transition: Transition, maps: Maps | None = None) -> Maps:
+    """Value maps of Wan et al. 2013, eqs. (4), (12), (14), (16).
+
+    z : (K, X, Y) frames in their margin; a cell of -inf cannot be passed, NaN is a ValueError
+    maps : of other frames by the same transition, to be updated in place; None: new ones
+    """
+    z = _in_order(z)
+    width, lowest, highest, prices = _known(transition).setting[:4]
+    weights = _in_order(transition.weights, z.dtype)
+    if maps is None:
+        maps = _empty_maps(z, width, highest - lowest + 1, transition.setting)
+    elif not isinstance(maps, Maps):
+        raise ValueError("forward: maps: give None, or the result of a forward pass")
+    elif maps.frames.shape != z.shape or maps.frames.dtype != z.dtype:
+        raise ValueError("forward: maps: of another size or type; give None")
+    elif maps.setting is not transition.setting and maps.setting != transition.setting:
+        raise ValueError("forward: maps: of another transition; give None")
+    rows = _changed_rows(z, maps.frames, width)
+    if len(weights) == 1:
+        _box_forward(maps.values, z, rows, width, lowest, weights[0])
+    else:
+        _changing_forward(maps.values, z, rows, width, lowest, weights, prices)
+    return maps
+
+
+def _empty_maps(z, width, V, setting):
+    """Maps that belong to no frames: their margin is -inf, everything else has to be computed."""
     K, X, Y = z.shape
     if K == 0 or min(X, Y) <= 2 * width:
-        raise ValueError(f"z: shape {z.shape} leaves no cell in a margin of {width} on each side")
-    if maps is None:
-        V = highest - lowest + 1
-        maps = Maps(np.empty((K, V, V, X, Y), z.dtype), np.full_like(z, np.nan), setting)
-        planes = maps.values.reshape(K * V * V, X * Y)
-        planes[:, : width * Y] = -np.inf
-        planes[:, (X - width) * Y :] = -np.inf
-    elif not isinstance(maps, Maps):
-        raise ValueError("maps: give None, or the result of a forward pass")
-    elif maps.setting != setting or maps.frames.shape != z.shape or maps.frames.dtype != z.dtype:
-        raise ValueError("maps: of other weights, velocities or sizes; give None")
-    return maps, _changed_rows(z, maps.frames, width)
+        raise ValueError(f"forward: z: shape {z.shape} leaves no cell in a margin of {width}")
+    maps = Maps(np.empty((K, V, V, X, Y), z.dtype), np.full_like(z, np.nan), setting)
+    planes = maps.values.reshape(K * V * V, X * Y)
+    planes[:, : width * Y] = -np.inf
+    planes[:, (X - width) * Y :] = -np.inf
+    return maps
 
 
 @kernel
@@ -191,92 +345,19 @@ def _first_map(values, z, rows, width):
             target[x] = frame[x]
 
 
-# Specifications
-
-
-def _dense(z, table, velocities, width, weights, combine):
-    """All value maps from all predecessors; table (position slack, velocity change), NaN: none."""
-    lowest, highest = velocities
-    V = highest - lowest + 1
-    dm, dr = np.array(table.shape) // 2
-    slacks = list(np.ndindex(table.shape))
-    I = np.full((len(z), V, V, *z.shape[1:]), -np.inf, z.dtype)
-    I[0] = z[0]
-    for k in range(1, len(z)):
-        for iv, jv, (m, r), (n, s) in itertools.product(range(V), range(V), slacks, slacks):
-            u, w = iv + r - dr, jv + s - dr
-            if 0 <= u < V and 0 <= w < V:
-                moved = np.roll(I[k - 1, u, w], (lowest + u - m + dm, lowest + w - n + dm), (0, 1))
-                value = combine(combine(moved, table[n, s]), table[m, r])
-                np.fmax(I[k, iv, jv], value, out=I[k, iv, jv])  # NaN is never the larger one
-        I[k] += z[k]
-    setting = _setting(width, np.array(velocities), 0, weights, combine is np.subtract)
-    return Maps(I, z, setting)
-
-
-def _candidates(previous, state, table, lowest, combine):
-    """Values and states of all predecessors of one state inside the map."""
-    n, s, m, r = np.indices(table.shape * 2).reshape(4, -1)
-    dm, dr = np.array(table.shape) // 2
-    u, w = state[0] + r - dr, state[1] + s - dr
-    x, y = state[2] + m - dm - lowest - u, state[3] + n - dm - lowest - w
-    states = np.stack((u, w, x, y), axis=1)
-    keep = ((states >= 0) & (states < previous.shape)).all(axis=1)
-    states = states[keep]
-    values = combine(combine(previous[*states.T], table[n, s][keep]), table[m, r][keep])
-    return np.nan_to_num(values, nan=-np.inf, posinf=np.inf, neginf=-np.inf), states
-
-
-def _path_of(I, state, table, lowest, combine):
-    """Best path to a state; four times -1 from where no predecessor can be reached."""
-    path = [state]
-    for previous in I[-2::-1]:
-        values, states = _candidates(previous, state, table, lowest, combine)
-        reached = state[0] >= 0 and values.max(initial=-np.inf) > -np.inf
-        state = tuple(states[values.argmax()].tolist()) if reached else (-1, -1, -1, -1)
-        path.append(state)
-    return np.array(path[::-1])
-
-
 # The velocity is kept
 
 
-def box_forward_spec(z, position, velocities, width, maps=None):
-    """Specification of :func:`box_forward`: all pairs of slacks."""
-    table = np.where(position[:, None] > 0, 1.0, np.nan)
-    return _dense(z, table, velocities, width, position, np.multiply)
-
-
-@checked
-def box_forward(
-    z: Frames, position: Weights, velocities: Pair, width: Width, maps: Start = None
-) -> Maps:
-    """Value maps of Wan et al. 2013, eqs. (4), (6), (7), (14): each allowed slack counts the same.
-
-    z : (K, X, Y) frames in their margin; a cell of -inf cannot be passed, NaN is a ValueError
-    position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours
-    velocities : (lowest, highest), cells per frame; each state keeps its velocity
-    width : of the margin, at least d + the fastest velocity
-    maps : of other frames by the same arguments, to be updated in place; None: new ones
-    """
-    z = _in_order(z)
-    position = _weights("position", position, z.dtype)
-    slacks = np.flatnonzero(position) - position.size // 2
-    if slacks[-1] - slacks[0] >= slacks.size:
-        raise ValueError("position: the allowed slacks must be neighbours; fill the gap")
-    setting = _setting(width, velocities, position.size // 2, position)
-    maps, rows = _maps_of(z, setting, maps)
-    _box_forward(maps.values, z, rows, width, setting[1], slacks[0], slacks.size)
-    return maps
-
-
 @kernel
-def _box_forward(values, z, changed, width, lowest, slack, count):
-    """The loop of :func:`box_forward`; slack : the lowest of ``count`` allowed ones.
+def _box_forward(values, z, changed, width, lowest, position):
+    """The loop of :func:`forward` for a velocity that is kept.
 
     A state of velocity v comes from ``count`` cells in a row on each axis: from those that are
-    v - slack back to those that are count - 1 less.
+    v - slack back, slack the lowest allowed one, to those that are count - 1 less.
     """
+    allowed = np.flatnonzero(position)
+    slack = allowed[0] - position.size // 2
+    count = allowed.size
     K, V, _, X, Y = values.shape
     maps = values.reshape(values.size)
     frames = z.reshape(z.size)
@@ -357,7 +438,7 @@ class _Axis(NamedTuple):
 
 @kernel
 def _changing_forward(values, z, changed, width, lowest, weights, prices):
-    """The loop of the three passes below: in each frame the second axis, then the first."""
+    """The loop of :func:`forward` otherwise: in each frame the second axis, then the first."""
     K, V, _, X, Y = values.shape
     size = X * Y
     maps = values.reshape(values.size)
@@ -478,80 +559,6 @@ def _best_slack(source, at, step, weights):
     return p if p > r else r
 
 
-def _changing(z, weights, velocities, width, maps, prices=False):
-    """The maps of a pass; weights : (2, 3) of slacks and changes, or a table (3, 3) of both."""
-    z = _in_order(z)
-    setting = _setting(width, velocities, 1, weights, prices)
-    maps, rows = _maps_of(z, setting, maps)
-    _changing_forward(maps.values, z, rows, width, setting[1], weights, prices)
-    return maps
-
-
-def weighted_forward_spec(z, position, velocity, velocities, width, maps=None):
-    """Specification of :func:`weighted_forward`: all 81 predecessors of every state."""
-    table = np.outer(position, velocity)
-    weights = np.stack((position, velocity))
-    return _dense(z, np.where(table > 0, table, np.nan), velocities, width, weights, np.multiply)
-
-
-@checked
-def weighted_forward(
-    z: Frames, position: Three, velocity: Three, velocities: Pair, width: Width, maps: Start = None
-) -> Maps:
-    """Value maps of Wan et al. 2013, eqs. (8), (12), with g = position[m] velocity[r] on each axis.
-
-    position, velocity : (3,) weights of the slacks and changes -1, 0, 1; 0: left out
-    Other arguments as in :func:`box_forward`.  The reading Delta_i = |m| of eq. (10) is
-    position = velocity = (a, 1, a).
-    """
-    weights = [_weights("weights", w, z.dtype) for w in (position, velocity)]
-    return _changing(z, np.stack(weights), velocities, width, maps)
-
-
-def penalised_forward_spec(z, position, velocity, velocities, width, maps=None):
-    """Specification of :func:`penalised_forward`: all 81 predecessors of every state."""
-    table = np.add.outer(position, velocity)
-    weights = np.stack((position, velocity))
-    return _dense(z, table, velocities, width, weights, np.subtract)
-
-
-@checked
-def penalised_forward(
-    z: Frames,
-    position: Prices,
-    velocity: Prices,
-    velocities: Pair,
-    width: Width,
-    maps: Start = None,
-) -> Maps:
-    """I_k = z_k + max (I_{k-1} - position[m] - velocity[r] - the same on the other axis).
-
-    Not in the paper.  position, velocity : (3,) prices, inf for a slack left out.  A price of
-    lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.  Other
-    arguments as in :func:`box_forward`.
-    """
-    prices = [_weights("prices", c, z.dtype, np.inf) for c in (position, velocity)]
-    return _changing(z, np.stack(prices), velocities, width, maps, prices=True)
-
-
-def coupled_forward_spec(z, table, velocities, width, maps=None):
-    """Specification of :func:`coupled_forward`: all 81 predecessors of every state."""
-    return _dense(z, table, velocities, width, table, np.multiply)
-
-
-@checked
-def coupled_forward(
-    z: Frames, table: Table, velocities: Pair, width: Width, maps: Start = None
-) -> Maps:
-    """Value maps of Wan et al. 2013, eqs. (8), (12), with g = table[m, r] on each axis.
-
-    table : (3, 3) weights, all positive, position slack first; other arguments as in
-    :func:`box_forward`.  Eq. (10) to the letter, Delta_i = |m - r|, is
-    table[m, r] = a**(|m - r| + |r|).
-    """
-    return _changing(z, _table(table, z.dtype), velocities, width, maps)
-
-
 # Back-trace
 
 
@@ -593,7 +600,7 @@ def _predecessor(previous, state, position, table, lowest, prices):
 
 @kernel
 def _path(I, state, position, table, lowest, prices):
-    """The loop of :func:`_path_to`."""
+    """The loop of :func:`path`."""
     path = np.full((len(I), 4), -1)
     for k in range(len(I) - 1, -1, -1):
         for axis in range(4):
@@ -603,61 +610,24 @@ def _path(I, state, position, table, lowest, prices):
     return path
 
 
-def _path_to(I, state, position, table, lowest, prices=False):
-    """States (K, 4) of the best path to a state; table : (slacks, changes) of the velocity."""
-    if len(I) == 0 or not (state < I.shape[1:]).all():
-        raise ValueError(f"state: {state.tolist()} is no index (iv, jv, i, j) into maps {I.shape}")
-    return _path(_in_order(I), tuple(state.tolist()), position, table, lowest, prices)
-
-
-def weighted_path_spec(I, state, position, velocity, lowest):
-    """Specification of :func:`weighted_path`: argmax over all predecessors, frame by frame."""
-    return coupled_path_spec(I, state, np.outer(position, velocity), lowest)
-
-
 @checked
-def weighted_path(
-    I: Values, state: State, position: Weights, velocity: Changes, lowest: Velocity
-) -> Array:
+def path(I: Values, state: Sequence[int], transition: Transition) -> Array:
     """Wan et al. 2013, eqs. (13), (19): the best path that ends in ``state``.
 
-    I : (K, V, V, X, Y) value maps of box_forward (velocity = (1,)) or weighted_forward; NaN never
-        wins
+    I : (K, V, V, X, Y) value maps of :func:`forward`; NaN never wins
     state : (iv, jv, i, j) in frame K, i and j counted with the margin
-    position, velocity : as in the forward pass; lowest : the velocity of index 0
 
     Returns states of the same form, (K, 4) of int; four times -1 from where no predecessor can be
     reached.
     """
-    position = _weights("position", position, I.dtype)
-    velocity = _weights("velocity", velocity, I.dtype)
-    with np.errstate(invalid="ignore"):  # 0 becomes NaN, which never wins
-        position, velocity = position / (position > 0), velocity / (velocity > 0)
-    return _path_to(I, state, position, np.tile(velocity, (position.size, 1)), lowest)
-
-
-def penalised_path_spec(I, state, position, velocity, lowest):
-    """Specification of :func:`penalised_path`: argmax over all predecessors, frame by frame."""
-    return _path_of(I, state, np.add.outer(position, velocity), lowest, np.subtract)
-
-
-@checked
-def penalised_path(
-    I: Values, state: State, position: Prices, velocity: Prices, lowest: Velocity
-) -> Array:
-    """The best path that ends in ``state`` under penalised_forward; see :func:`weighted_path`."""
-    position = _weights("position", position, I.dtype, np.inf)
-    velocity = _weights("velocity", velocity, I.dtype, np.inf)
-    return _path_to(I, state, position, np.tile(velocity, (3, 1)), lowest, prices=True)
-
-
-def coupled_path_spec(I, state, table, lowest):
-    """Specification of :func:`coupled_path`: argmax over all predecessors, frame by frame."""
-    return _path_of(I, state, np.where(table > 0, table, np.nan), lowest, np.multiply)
-
-
-@checked
-def coupled_path(I: Values, state: State, table: Table, lowest: Velocity) -> Array:
-    """The best path that ends in ``state`` under coupled_forward; see :func:`weighted_path`."""
-    table = _table(table, I.dtype)
-    return _path_to(I, state, np.ones_like(table[0]), table, lowest)
+    try:
+        state = tuple(map(operator.index, state))
+    except TypeError:
+        state = ()
+    shape = I.shape[1:] if len(I) else (0, 0, 0, 0)
+    if len(state) != 4 or not all(0 <= i < n for i, n in zip(state, shape, strict=False)):
+        raise ValueError(f"path: state: give four indices (iv, jv, i, j) into maps {I.shape}")
+    _, lowest, _, prices = _known(transition).setting[:4]
+    position = _in_order(transition.position, I.dtype)
+    velocity = _in_order(transition.velocity, I.dtype)
+    return _path(_in_order(I), state, position, velocity, lowest, prices)

@@ -25,40 +25,42 @@ def frames(K=3, shape=(9, 7), width=4, shift=0.0, lost=0.3, seed=3):
     return z
 
 
-def forward(weights, lowest=LOWEST, width=4, V=2 * M, **about):
+def transition(family, weights, lowest=LOWEST, width=4, V=2 * M):
+    return getattr(dynprog, f"{family}_transition")(*weights, (lowest, lowest + V - 1), width)
+
+
+def forward(family, weights, lowest=LOWEST, width=4, V=2 * M, **about):
     """Arguments of a forward pass of new maps."""
-    return frames(width=width, **about), *weights, (lowest, lowest + V - 1), width
+    return frames(width=width, **about), transition(family, weights, lowest, width, V)
 
 
-def again(name, weights, cells, lowest=LOWEST, width=4, V=2 * M):
+def again(family, weights, cells, lowest=LOWEST, width=4, V=2 * M):
     """Arguments of a forward pass that updates the maps of frames which differ in some cells."""
-    arguments = forward(weights, lowest, width, V, K=5, shape=(26, 7), lost=0.1)
-    maps = getattr(dynprog, f"{name}_forward_spec")(*arguments)
-    maps = maps._replace(frames=maps.frames.copy())
-    z = arguments[0].copy()
+    z, way = forward(family, weights, lowest, width, V, K=5, shape=(26, 7), lost=0.1)
+    maps = dynprog.forward_spec(z.copy(), way)
     for k, i, j in cells:
         z[k, width + i, width + j] = 3.0 if z[k, width + i, width + j] < 0.0 else -3.0
-    return z, *arguments[1:], maps
+    return z, way, maps
 
 
-def back(weights, state, lowest=LOWEST, V=2 * M, **about):
+def back(family, weights, state, lowest=LOWEST, V=2 * M, **about):
     """Arguments of a path back through four value maps that need not come from any forward pass."""
     I = frames(K=4 * V * V, **about)
-    return I.reshape(4, V, V, *I.shape[1:]), state, *weights, lowest
+    way = transition(family, weights, lowest, 40, V)
+    return I.reshape(4, V, V, *I.shape[1:]), state, way
 
 
 DATA = (
     *({}, {"shift": -5.0}, {"shape": (1, 1), "lost": 0.0}, {"lost": 1.0}, {"K": 1}),
     {"K": 2, "shape": (50, 50), "lost": 0.0},
 )
-BOXES = (
-    (np.ones(7), 0, 1, 3),
-    (np.ones(1), 0, 1, 2),
-    (np.array([0.0, 1, 1]), LOWEST, 6, 4),
-    (np.ones(3), LOWEST, 6, 5),
-)
-BOXES += tuple((np.ones(n), 0, 1, n // 2) for n in (9, 11, 29)) + (
-    (np.array([0.0, 1, 1, 1, 1]), LOWEST, 6, 5),
+BOXES = (  # position, lowest velocity, width of the margin, number of velocities
+    (np.ones(7), 0, 3, 1),
+    (np.ones(1), 0, 2, 1),
+    (np.array([0.0, 1, 1]), LOWEST, 4, 6),
+    (np.ones(3), LOWEST, 5, 6),
+    *((np.ones(n), 0, n // 2, 1) for n in (9, 11, 29)),
+    (np.array([0.0, 1, 1, 1, 1]), LOWEST, 5, 6),
 )
 FAMILIES = (
     ("weighted", (EQUAL, EQUAL)),
@@ -74,58 +76,29 @@ CHANGES = (  # frame and cell: an end of the frames, a track, far apart, nothing
 STATES = ((0, 0, 4, 4), (5, 5, 12, 10), (2, 3, 8, 7), (5, 0, 6, 5), (0, 0, 0, 0), (5, 5, 16, 14))
 
 
-def pair(name):
-    """A kernel and its specification."""
-    return getattr(dynprog, name), getattr(dynprog, f"{name}_spec")
-
-
+FORWARD = "forward", dynprog.forward, dynprog.forward_spec
+PATH = "path", dynprog.path, dynprog.path_spec
 CASES = [
-    (
-        "box_forward",
-        *pair("box_forward"),
-        lambda w=w, v=v, V=V, r=r, about=about: forward((w,), v, r, V, **about),
-    )
-    for number, (w, v, V, r) in enumerate(BOXES)
+    (*FORWARD, lambda w=w, more=more, about=about: forward("box", (w,), *more, **about))
+    for number, (w, *more) in enumerate(BOXES)
     for about in (DATA if number < 3 else DATA[:1])
 ]
 CASES += [
-    (
-        f"{name}_forward",
-        *pair(f"{name}_forward"),
-        lambda weights=weights, about=about: forward(weights, **about),
-    )
-    for name, weights in FAMILIES
+    (*FORWARD, lambda family=family, w=w, about=about: forward(family, w, **about))
+    for family, w in FAMILIES
     for about in DATA
 ]
 CASES += [
-    (
-        f"{name}_forward",
-        *pair(f"{name}_forward"),
-        lambda name=name, weights=weights, cells=cells, more=more: again(
-            name, weights, cells, *more
-        ),
-    )
-    for name, weights, *more in [
-        *(("box", (w,), v, r, V) for w, v, V, r in BOXES),
-        *FAMILIES,
-    ]
-    for cells in (CHANGES if name != "box" else CHANGES[::3])
+    (*FORWARD, lambda family=family, w=w, cells=cells, more=more: again(family, w, cells, *more))
+    for family, w, *more in [*(("box", (w,), *more) for w, *more in BOXES), *FAMILIES]
+    for cells in (CHANGES if family != "box" else CHANGES[::3])
 ]
 CASES += [
-    (
-        f"{name}_path",
-        *pair(f"{name}_path"),
-        lambda w=weights, state=state, about=about: back(w, state, **about),
-    )
-    for name, weights in FAMILIES
+    (*PATH, lambda family=family, w=w, state=state, about=about: back(family, w, state, **about))
+    for family, w in FAMILIES
     for state in STATES
     for about in ({"shift": -5.0}, {"lost": 1.0})
 ]
 CASES += [
-    (
-        "weighted_path",
-        *pair("weighted_path"),
-        lambda V=V, v=v, w=w: back((w, np.ones(1)), (0, 0, 6, 6), v, V=V),
-    )
-    for w, v, V, _ in BOXES
+    (*PATH, lambda w=w, v=v, V=V: back("box", (w,), (0, 0, 6, 6), v, V)) for w, v, _, V in BOXES
 ]

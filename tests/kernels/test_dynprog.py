@@ -16,36 +16,27 @@ EQUAL = np.array([A, 1.0, A])
 LITERAL = np.array([[A ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
 
 
-def algorithm(name, M):
-    """(number of velocities, forward pass (z, maps), path to a state); margin M + 1."""
-    v = (0, 0) if name == "conventional" else (1 - M, M)
-    weights = {
-        "conventional": (np.ones(2 * M + 1),),
-        "tonissen": (np.array([0.0, 1.0, 1.0]),),
-        "weighted": (EQUAL, EQUAL),
-        "unweighted": (np.ones(3), np.ones(3)),
-        "literal": (LITERAL,),
-        "penalised": (np.array([0.4, 0.0, 0.4]),) * 2,
-    }[name]
-    passes = {"conventional": "box", "tonissen": "box", "literal": "coupled"}
-    family = passes.get(name, "penalised" if name == "penalised" else "weighted")
-    forward = getattr(dynprog, f"{family}_forward")
-    back = getattr(dynprog, f"{family.replace('box', 'weighted')}_path")
-    last = (*weights, ONE) if family == "box" else weights
-    return (
-        v[1] - v[0] + 1,
-        lambda z, maps=None: forward(z, *weights, v, M + 1, maps),
-        lambda I, x: back(I, x, *last, v[0]),
-    )
+def transition(name, M):
+    """A set of the paper, in a margin of M + 1."""
+    v, width = (1 - M, M), M + 1
+    price = np.array([0.4, 0.0, 0.4])
+    return {
+        "conventional": lambda: dynprog.box_transition(np.ones(2 * M + 1), (0, 0), width),
+        "tonissen": lambda: dynprog.box_transition(np.array([0.0, 1.0, 1.0]), v, width),
+        "weighted": lambda: dynprog.weighted_transition(EQUAL, EQUAL, v, width),
+        "unweighted": lambda: dynprog.weighted_transition(np.ones(3), np.ones(3), v, width),
+        "literal": lambda: dynprog.coupled_transition(LITERAL, v, width),
+        "penalised": lambda: dynprog.penalised_transition(price, price, v, width),
+    }[name]()
 
 
 def solve(z, name, M):
     """Value maps without their margin (K, V, V, Nx, Ny), and the best path of states, cells counted
     from 0.
     """
-    _, forward, back = algorithm(name, M)
-    I = forward(dynprog.margin(z, M + 1)).values
-    path = back(I, np.unravel_index(I[-1].argmax(), I[-1].shape))
+    way = transition(name, M)
+    I = dynprog.forward(dynprog.margin(z, M + 1), way).values
+    path = dynprog.path(I, np.unravel_index(I[-1].argmax(), I[-1].shape), way)
     inside = slice(M + 1, -M - 1)
     return I[..., inside, inside], path - [0, 0, M + 1, M + 1]
 
@@ -168,8 +159,9 @@ def test_a_noise_free_track_keeps_a_geometric_share_of_its_energy(dx, g):
 
 def test_weighted_equals_coupled_where_the_table_is_a_product():
     z = dynprog.margin(np.random.default_rng(8).normal(-1.0, 1.0, (4, 12, 9)), 4)
-    ours = dynprog.weighted_forward(z, EQUAL, EQUAL, (-2, 3), 4).values
-    theirs = dynprog.coupled_forward(z, np.outer(EQUAL, EQUAL), (-2, 3), 4).values
+    table = dynprog.coupled_transition(np.outer(EQUAL, EQUAL), (-2, 3), 4)
+    ours = dynprog.forward(z, transition("weighted", 3)).values
+    theirs = dynprog.forward(z, table).values
     np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-14)
 
 
@@ -238,7 +230,7 @@ def test_a_larger_set_never_lowers_a_value():
 
 def test_single_precision_rounds_and_does_nothing_else():
     z = dynprog.margin(DATA.astype(np.float32), 4)
-    I = dynprog.weighted_forward(z, EQUAL, EQUAL, (-2, 3), 4).values
+    I = dynprog.forward(z, transition("weighted", 3)).values
     assert I.dtype == np.float32
     np.testing.assert_allclose(
         I[-1][..., 4:-4, 4:-4], solve(DATA, "weighted", 3)[0][-1], rtol=2e-6, atol=2e-6
@@ -247,12 +239,11 @@ def test_single_precision_rounds_and_does_nothing_else():
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("end", [0, 5])
-@pytest.mark.parametrize("name", ["weighted", "coupled", "penalised"])
+@pytest.mark.parametrize("name", ["weighted", "literal", "penalised"])
 def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
     """The only finite predecessor has the lowest or highest velocity; the state is one above it or
     below, and at the end itself.
     """
-    weights = {"weighted": (EQUAL, EQUAL), "coupled": (LITERAL,)}.get(name, (1 - EQUAL, 1 - EQUAL))
     for offset in (0, 1):
         state, before = [2, 2, 9, 9], [2, 2, 9, 9]
         before[axis], state[axis] = end, abs(end - offset)
@@ -260,7 +251,7 @@ def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
             before[2 + a] = 9 - (before[a] - 2)  # slack 0: the cell left at the former velocity
         I = np.full((2, 6, 6, 20, 20), -np.inf)
         I[0][tuple(before)] = 1.0
-        path = getattr(dynprog, f"{name}_path")(I, tuple(state), *weights, -2)
+        path = dynprog.path(I, tuple(state), transition(name, 3))
         assert path[0].tolist() == before
 
 
@@ -269,11 +260,10 @@ def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_frames_that_do_not_differ_are_not_computed_again(name):
-    _, forward, _ = algorithm(name, 3)
-    z = dynprog.margin(DATA, 4)
-    maps = forward(z)
+    z, way = dynprog.margin(DATA, 4), transition(name, 3)
+    maps = dynprog.forward(z, way)
     maps.values[:] = 7.0
-    assert forward(z, maps) is maps
+    assert dynprog.forward(z, way, maps) is maps
     assert (maps.values == 7.0).all()
 
 
@@ -282,14 +272,13 @@ def test_what_a_cell_cannot_reach_is_not_computed_again(name):
     """A cell of the last frame changes its row of the last map; frame 4, its own row of map 4 and
     at most four rows on either side in map 5.
     """
-    _, forward, _ = algorithm(name, 3)
-    z = dynprog.margin(DATA, 4)
+    z, way = dynprog.margin(DATA, 4), transition(name, 3)
     for k in (5, 4):
-        maps = forward(z)
+        maps = dynprog.forward(z, way)
         maps.values[:] = 7.0
         new = z.copy()
         new[k, 11, 9] += 1.0
-        I = forward(new, maps).values
+        I = dynprog.forward(new, way, maps).values
         rows = [np.flatnonzero((I[k] != 7.0).any(axis=(0, 1, 3))) for k in range(len(DATA))]
         assert not any(row.size for row in rows[:k])
         assert rows[k].tolist() == [11]
@@ -297,30 +286,30 @@ def test_what_a_cell_cannot_reach_is_not_computed_again(name):
 
 
 def test_maps_of_another_pass_are_refused():
-    z = dynprog.margin(DATA, 4)
-    maps = dynprog.weighted_forward(z, EQUAL, EQUAL, (-2, 3), 4)
-    for other in (
-        lambda: dynprog.weighted_forward(z, EQUAL, np.ones(3), (-2, 3), 4, maps),
-        lambda: dynprog.weighted_forward(z, EQUAL, EQUAL, (-3, 2), 4, maps),
-        lambda: dynprog.penalised_forward(z, EQUAL, EQUAL, (-2, 3), 4, maps),
-        lambda: dynprog.weighted_forward(z[1:], EQUAL, EQUAL, (-2, 3), 4, maps),
-        lambda: dynprog.weighted_forward(z.astype(np.float32), EQUAL, EQUAL, (-2, 3), 4, maps),
-        lambda: dynprog.weighted_forward(z, EQUAL, EQUAL, (-2, 3), 4, (maps.values, z)),
+    z, way = dynprog.margin(DATA, 4), transition("weighted", 3)
+    maps = dynprog.forward(z, way)
+    assert dynprog.forward(z, transition("weighted", 3), maps) is maps
+    for frames, other, given in (
+        (z, transition("unweighted", 3), maps),
+        (z, dynprog.weighted_transition(EQUAL, EQUAL, (-3, 2), 4), maps),
+        (z, dynprog.penalised_transition(EQUAL, EQUAL, (-2, 3), 4), maps),
+        (z[1:], way, maps),
+        (z.astype(np.float32), way, maps),
+        (z, way, (maps.values, z)),
     ):
-        with pytest.raises(ValueError, match=r"^maps: [^\n]+$"):
-            other()
+        with pytest.raises(ValueError, match=r"^forward: maps: [^\n]+$"):
+            dynprog.forward(frames, other, given)
 
 
 def test_a_refused_frame_leaves_the_maps_as_they_were():
-    _, forward, _ = algorithm("tonissen", 3)
-    z = dynprog.margin(DATA, 4)
-    maps = forward(z)
+    z, way = dynprog.margin(DATA, 4), transition("tonissen", 3)
+    maps = dynprog.forward(z, way)
     before = [part.copy() for part in maps[:2]]
     bad = z.copy()
     bad[0, 9, 9] = 1.0
     bad[3, 9, 9] = np.nan
     with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        forward(bad, maps)
+        dynprog.forward(bad, way, maps)
     assert all(np.array_equal(*pair) for pair in zip(before, maps, strict=False))
 
 
@@ -338,7 +327,7 @@ def test_frames_without_their_margin_are_refused(cell):
     z = dynprog.margin(np.zeros((2, 9, 7)), 4)
     z[cell] = 0.0
     with pytest.raises(ValueError, match="margin"):
-        dynprog.weighted_forward(z, EQUAL, EQUAL, (-2, 3), 4)
+        dynprog.forward(z, transition("weighted", 3))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -346,50 +335,53 @@ def test_a_cell_that_is_not_a_number_is_refused(value):
     z = dynprog.margin(np.zeros((2, 9, 7)), 4)
     z[1, 6, 6] = value
     with pytest.raises(ValueError, match="NaN, inf"):
-        dynprog.box_forward(z, np.ones(3), (0, 1), 4)
+        dynprog.forward(z, transition("tonissen", 3))
 
 
-BAD_FORWARD = {
+BAD_BOX = {
     "an even number": (np.ones(4), (0, 0), 4),
-    "no middle weight": ([1, 0, 1], (0, 0), 4),
+    "slack zero left out": ([1, 0, 1], (0, 0), 4),
     "slacks that are no neighbours": ([1.0, 0, 1, 1, 1], (-1, 1), 4),
-    "slack zero left out": ([1.0, 1, 0, 1, 1], (0, 0), 4),
     "velocity below the margin": (np.ones(3), (-4, 0), 4),
     "velocity above the margin": (np.ones(3), (0, 4), 4),
     "no velocity": (np.ones(3), (1, 0), 4),
     "a slack above the margin": (np.ones(11), (0, 0), 4),
-    "a margin as wide as the frame": (np.ones(3), (0, 0), 8),
 }
 
 
-@pytest.mark.parametrize("name", BAD_FORWARD)
-def test_bad_arguments_of_a_forward_pass_are_one_line(name):
-    z = dynprog.margin(np.zeros((2, 9, 7)), 4)
-    with pytest.raises(ValueError, match=r"^(position|width|velocities|z): [^\n]+$"):
-        dynprog.box_forward(z, *BAD_FORWARD[name])
-
-
-@pytest.mark.parametrize("state", [(6, 0, 5, 5), (0, 6, 5, 5), (0, 0, 20, 5), (0, 0, 5, 20)])
-def test_a_final_state_outside_the_maps_is_refused(state):
-    with pytest.raises(ValueError, match=r"^state: [^\n]+$"):
-        dynprog.weighted_path(np.zeros((2, 6, 6, 20, 20)), state, EQUAL, EQUAL, -2)
+@pytest.mark.parametrize("name", BAD_BOX)
+def test_a_bad_transition_is_one_line(name):
+    with pytest.raises(ValueError, match=r"^box_transition: (position|width|velocities): [^\n]+$"):
+        dynprog.box_transition(*BAD_BOX[name])
 
 
 def test_a_table_with_a_zero_is_refused():
-    z = dynprog.margin(np.zeros((2, 9, 7)), 4)
     table = LITERAL * (np.arange(9).reshape(3, 3) != 0)
-    with pytest.raises(ValueError, match=r"^table: [^\n]+$"):
-        dynprog.coupled_forward(z, table, (-2, 3), 4)
-    with pytest.raises(ValueError, match=r"^table: [^\n]+$"):
-        dynprog.coupled_path(np.zeros((2, 6, 6, 17, 15)), (0, 0, 5, 5), table, -2)
+    with pytest.raises(ValueError, match=r"^coupled_transition: table: [^\n]+$"):
+        dynprog.coupled_transition(table, (-2, 3), 4)
 
 
-def test_a_middle_price_of_infinity_is_refused():
-    z, never = dynprog.margin(np.zeros((2, 9, 7)), 4), [0.0, np.inf, 0.0]
-    with pytest.raises(ValueError, match=r"^prices: [^\n]+$"):
-        dynprog.penalised_forward(z, never, np.zeros(3), (-2, 3), 4)
-    with pytest.raises(ValueError, match=r"^velocity: [^\n]+$"):
-        dynprog.penalised_path(np.zeros((2, 6, 6, 17, 15)), (0, 0, 5, 5), np.zeros(3), never, -2)
+@pytest.mark.parametrize("argument", [0, 1])
+def test_a_middle_that_is_left_out_is_refused(argument):
+    for make, odd in ((dynprog.penalised_transition, np.inf), (dynprog.weighted_transition, 0.0)):
+        weights = [np.ones(3), np.ones(3)]
+        weights[argument][1] = odd
+        with pytest.raises(ValueError, match=r"_transition: (position|velocity): [^\n]+$"):
+            make(*weights, (-2, 3), 4)
+
+
+def test_a_margin_as_wide_as_the_frame_is_refused():
+    with pytest.raises(ValueError, match=r"^forward: z: [^\n]+$"):
+        dynprog.forward(np.zeros((2, 8, 9)), transition("weighted", 3))
+
+
+@pytest.mark.parametrize(
+    "state",
+    [(6, 0, 5, 5), (0, 6, 5, 5), (0, 0, 20, 5), (0, 0, 5, 20), (0, 0, 0), (0, 0, 5, 5.0)],
+)
+def test_a_final_state_outside_the_maps_is_refused(state):
+    with pytest.raises(ValueError, match=r"^path: state: [^\n]+$"):
+        dynprog.path(np.zeros((2, 6, 6, 20, 20)), state, transition("weighted", 3))
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (0, 4), (4, 0), (4, 4)])
@@ -397,5 +389,5 @@ def test_a_path_reaches_the_first_and_the_last_cell_of_a_map(cell):
     I = np.zeros((2, 1, 1, 5, 5))
     I[0, 0, 0][cell] = 1.0
     start = tuple(min(max(c, 1), 3) for c in cell)
-    path = dynprog.weighted_path(I, (0, 0, *start), np.ones(3), np.ones(1), 0)
+    path = dynprog.path(I, (0, 0, *start), dynprog.box_transition(np.ones(3), (0, 0), 1))
     assert path.tolist() == [[0, 0, *cell], [0, 0, *start]]
