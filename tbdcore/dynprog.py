@@ -515,13 +515,22 @@ def _separate(target, to, source, at, shape, weights, prices, frame, origin):
         t = np.uint64(to[0] + v * to[1])
         j = first + v * apart + step
         i, j, k = np.uint64(j + before), np.uint64(j), np.uint64(j + after)
-        for x in range(np.uint64(shape[1])):
-            p = source[i + x] - a if prices else source[i + x] * a
-            q = source[j + x] - b if prices else source[j + x] * b
-            r = source[k + x] - c if prices else source[k + x] * c
-            p = p if p > q else q
-            p = p if p > r else r
-            target[t + x] = p + frame[o + x] if plus else p
+        if prices:
+            for x in range(np.uint64(shape[1])):
+                p = source[i + x] - a
+                q = source[j + x] - b
+                r = source[k + x] - c
+                p = p if p > q else q
+                p = p if p > r else r
+                target[t + x] = p + frame[o + x] if plus else p
+        else:
+            for x in range(np.uint64(shape[1])):
+                p = source[i + x] * a
+                q = source[j + x] * b
+                r = source[k + x] * c
+                p = p if p > q else q
+                p = p if p > r else r
+                target[t + x] = p + frame[o + x] if plus else p
 
 
 @kernel
