@@ -391,22 +391,22 @@ def _window(target, to, source, at, step, count, n, frames, origin, work):
     """
     size = 1  # source[x] is the maximum of so many values
     length = n + (count - 1) * step
-    half = work.size // 2
-    free = 0  # the half of ``work`` that can be written
+    middle = work.size // 2
+    free = 0  # start of the part of ``work`` that can be written
     while 3 * size < count:
         length -= 2 * size * step
         ends = at, at + size * step, at + 2 * size * step
         _largest(work, free, source, ends, length, frames[:0], 0)
         source = work
         at = free
-        free = half - free
+        free = middle - free
         size *= 3
-    middle = at + (count - size + 1) // 2 * step
+    second = at + (count - size + 1) // 2 * step
     last = at + (count - size) * step
     if count < 3:
         _largest(target, to, source, (at, last), n, frames, origin)
     else:
-        _largest(target, to, source, (at, middle, last), n, frames, origin)
+        _largest(target, to, source, (at, second, last), n, frames, origin)
 
 
 @kernel
@@ -443,7 +443,7 @@ def _changing_forward(values, z, changed, width, lowest, weights, prices):
     size = X * Y
     maps = values.reshape(values.size)
     frames = z.reshape(K, size)
-    half = np.full(V * V * size, -np.inf, values.dtype)  # values after the second axis
+    between = np.full(V * V * size, -np.inf, values.dtype)  # values after the second axis
     best = np.full((V + 2) * (PIECE // values.itemsize), -np.inf, values.dtype)
     _first_map(values, z, changed, width)
     first, end = changed[0]
@@ -459,7 +459,16 @@ def _changing_forward(values, z, changed, width, lowest, weights, prices):
             planes = iv * V * size
             cells = row * Y, n * Y
             _one_axis(
-                half, planes, maps, old + planes, axis, weights, prices, cells, frames[k, :0], best
+                between,
+                planes,
+                maps,
+                old + planes,
+                axis,
+                weights,
+                prices,
+                cells,
+                frames[k, :0],
+                best,
             )
         axis = _Axis(V * size, Y, lowest)
         for jv in range(V):
@@ -467,7 +476,7 @@ def _changing_forward(values, z, changed, width, lowest, weights, prices):
             planes = jv * size
             cells = row * Y, n * Y
             _one_axis(
-                maps, new + planes, half, planes, axis, weights, prices, cells, frames[k], best
+                maps, new + planes, between, planes, axis, weights, prices, cells, frames[k], best
             )
 
 

@@ -498,8 +498,9 @@ def power_log_ratio(
     _check_spread(spread)
     rho, alpha, snr = _in_order(rho, alpha, snr)
     nr, na = z.shape
-    lanes = -(-(2 * spread.ha + 1) // 8) * 8  # columns of a patch, in whole vectors of 8
-    framed = np.zeros((nr + 5, spread.ha + na + lanes), z.dtype)
+    spread = spread._replace(hr=min(spread.hr, nr), ha=min(spread.ha, na))
+    columns = -(-(2 * spread.ha + 1) // 8) * 8  # of a patch, in whole vectors of 8
+    framed = np.zeros((nr + 5, spread.ha + na + columns), z.dtype)
     framed[:nr, spread.ha : spread.ha + na] = z
     peaks = _peaks(rho, alpha, spread)
     total, product = _power_log_ratio(framed, nr, na, rho, alpha, snr, peaks, spread)
