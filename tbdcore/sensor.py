@@ -675,7 +675,7 @@ def _log_bessel(x, table):
         return _cubic(x, table)
     t = 1.0 / (8.0 * x)
     series = 1.0 + t * (1.0 + t * (4.5 + t * (37.5 + t * 459.375)))
-    return x - 0.5 * math.log(2.0 * math.pi * x) + math.log(series)
+    return x + math.log(series / math.sqrt(2.0 * math.pi * x))
 
 
 @kernel
@@ -719,7 +719,7 @@ def _rises(j, x, energy, width, table):
 
 @kernel
 def _near_maximum(x, energy, width, table):
-    """A step at most 16 below that of the largest term.
+    """A step at most 4 below that of the largest term.
 
     The terms have one maximum over b >= 0, since they are log-concave in b**2.  It is below
     sum x / (2 energy), since log I0(t) rises by less than t.  Search from there in growing
@@ -727,14 +727,14 @@ def _near_maximum(x, energy, width, table):
     """
     low = 0
     high = int(x.sum() / (2.0 * energy) / width) + 1
-    distance = 16
+    distance = 4
     while high - distance > low:
         if _rises(high - distance, x, energy, width, table):
             low = high - distance
         else:
             high -= distance
             distance *= 2
-    while high - low > 16:
+    while high - low > 4:
         j = (low + high) // 2
         if _rises(j, x, energy, width, table):
             low = j
