@@ -191,9 +191,8 @@ def doubling(n):
         law, shape = SHAPES[chapter]
         rate = false(n)
         white = [noise.gaussian(shape, np.random.default_rng([i, 1])) for i in range(n)]
-        print(
-            f"\nfalse alarms of chapter {chapter}; clean: {rate([by_law(law, z) for z in white]):.4f}"
-        )
+        clean = rate([by_law(law, z) for z in white])
+        print(f"\nfalse alarms of chapter {chapter}; clean: {clean:.4f}")
         for name, (fault, sizes) in FAULTS.items():
             if ONE_LAW.get(name, law) == law:
                 row = [f"{x:g}: {rate([fault(law, z, x) for z in white]):.4f}" for x in sizes]

@@ -18,7 +18,6 @@ The law of the noise is ``"gaussian"`` (values around a mean, chapters 01 and 02
 
 import math
 import warnings
-from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
@@ -30,7 +29,7 @@ from tbdcore.checks import Array, Flag, Integer, Number, Numbers, checked, numbe
 from tbdcore.noise import Frames, Generator, Law
 
 __all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law"]
-__all__ += ["found_share", "inject", "level", "log_ratio", "merge_plots", "normal_scores"]
+__all__ += ["inject", "level", "log_ratio", "merge_plots", "normal_scores"]
 __all__ += ["normalise", "plots", "threshold"]
 
 LN2, SMALL, ROUNDS = math.log(2.0), 1e-300, 8
@@ -163,31 +162,29 @@ class TailedLaw(NamedTuple):
     low: tuple
     high: tuple
 
-    def cdf(self, z):
-        """Probability of a value of at most z."""
-        body = self._body()(np.clip(z, self.x[0], self.x[-1]))
-        below = self.p[0] * _pareto(self.x[0] - z, *self.low)[0]
-        return np.where(z < self.x[0], below, np.where(z > self.x[-1], 1 - self.sf(z), body))
-
     def sf(self, z):
         """Probability of a value above z."""
-        above = (1 - self.p[-1]) * _pareto(z - self.x[-1], *self.high)[0]
-        body = 1 - self._body()(np.clip(z, self.x[0], self.x[-1]))
-        below = 1 - self.p[0] * _pareto(self.x[0] - z, *self.low)[0]
-        return np.where(z > self.x[-1], above, np.where(z < self.x[0], below, body))
+        return self._laws(z)[0]
+
+    def cdf(self, z):
+        """Probability of a value of at most z."""
+        return 1 - self._laws(z)[0]
 
     def logpdf(self, z):
         """Logarithm of the density."""
-        slope = self._body().derivative()(np.clip(z, self.x[0], self.x[-1]))
-        below = self.p[0] * _pareto(self.x[0] - z, *self.low)[1]
-        above = (1 - self.p[-1]) * _pareto(z - self.x[-1], *self.high)[1]
-        density = np.where(z < self.x[0], below, np.where(z > self.x[-1], above, slope))
-        return np.log(np.maximum(density, SMALL))
+        return np.log(np.maximum(self._laws(z)[1], SMALL))
 
-    def _body(self):
+    def _laws(self, z):
+        """Survival and density."""
         from scipy.interpolate import PchipInterpolator
 
-        return PchipInterpolator(self.x, self.p)
+        cdf, inside = PchipInterpolator(self.x, self.p), np.clip(z, self.x[0], self.x[-1])
+        below, above = _pareto(self.x[0] - z, *self.low), _pareto(z - self.x[-1], *self.high)
+        low, high = z < self.x[0], z > self.x[-1]
+        p, q = self.p[0], 1 - self.p[-1]
+        survival = np.where(low, 1 - p * below[0], np.where(high, q * above[0], 1 - cdf(inside)))
+        density = np.where(high, q * above[1], cdf.derivative()(inside))
+        return survival, np.where(low, p * below[1], density)
 
 
 def _pareto(excess, shape, scale):
@@ -531,20 +528,3 @@ def _profile(place, n, blur):
     with np.errstate(invalid="ignore"):
         h = np.exp(-(d**2) / (2 * blur * blur)) if blur else (d == 0).astype(float)
     return np.nan_to_num(h, nan=0.0)
-
-
-@checked
-def found_share(
-    found: Callable,
-    strengths: Annotated[ArrayLike, Numbers("n")],
-    trials: Annotated[int, Integer(1, 10**7)],
-) -> tuple[Array, Array]:
-    """Operating characteristic on a recording: share found at each strength, and its error.
-
-    found : found(strength, n) -> bool, trial n: put a target into own frames with :func:`inject`,
-        search, and compare the result with the truth
-    """
-    from tbdcore.score import proportion
-
-    hits = [[bool(found(s, n)) for n in range(trials)] for s in strengths.tolist()]
-    return proportion(np.sum(hits, axis=1), trials)

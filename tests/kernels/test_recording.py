@@ -281,18 +281,6 @@ def test_power_of_a_steady_target_has_the_law_of_rice():
     assert (power[:, 0] == z[:, 0]).all()
 
 
-def test_the_operating_characteristic_of_a_detector():
-    z, path = noise.gaussian((1, 5, 5), rng()), np.full((1, 2), 2.0)
-
-    def found(strength, n):
-        own = noise.gaussian(z.shape, rng(n))
-        return recording.inject(own, path, strength, 0.0, rng(n))[0, 2, 2] > 2.0
-
-    share, se = recording.found_share(found, [0.0, 2.0, 4.0], 400)
-    assert share == pytest.approx(stats.norm.sf([2.0, 0.0, -2.0]), abs=0.08)
-    assert (se > 0).all()
-
-
 def test_plots_agree_with_a_flood_fill():
     z = ndimage.gaussian_filter(noise.gaussian((1, 40, 40), rng()), 1.0)
     (found,) = recording.plots(z, 0.3)
