@@ -57,7 +57,7 @@ ASSOCIATORS = [
     association.ipda,
     association.prior_odds,
     association.visibility,
-    association.modulated,
+    association.modulated_log_ratio,
     association.jipda,
 ]
 

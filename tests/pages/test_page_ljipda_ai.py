@@ -298,7 +298,7 @@ def test_every_way_to_share_is_its_association():
         page.VISIBLE: association.ljipda(ratio, loud, P, D),
         page.EARLY: association.ljipda(ratio + loud, zero, P, D),
         page.EXACT: association.jipda(ratio + loud, P, D),
-        page.MODULATED: association.ipda(association.modulated(ratio + loud, P, D), P, D),
+        page.MODULATED: association.ipda(association.modulated_log_ratio(ratio + loud, P, D), P, D),
         page.ALONE: association.ipda(ratio + loud, P, D),
     }
     for how, found in same.items():
