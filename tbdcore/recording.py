@@ -138,7 +138,11 @@ def normalise(frames: Frames, at: Level, law: Law = "gaussian") -> Array:
     at : a Level of numbers, or of arrays (nx, ny) or (K, nx, ny).  NaN where its spread is not
         above 0, as that of a cell that always shows the same value.
     """
-    mean, std = (np.asarray(a, float) for a in at)
+    try:
+        mean, std = (np.broadcast_to(np.asarray(a, float), frames.shape) for a in at)
+    except (TypeError, ValueError):
+        advice = "numbers, (nx, ny) or (K, nx, ny)"
+        raise ValueError(f"recording.normalise: at: give Level(mean, std), {advice}") from None
     scale = std if law == "gaussian" else mean
     if not (scale > 0).any():
         raise ValueError("recording.normalise: at: its spread is nowhere above 0; look at frames")
@@ -232,7 +236,9 @@ def normal_scores(frames: Frames, law: Any) -> Array:
         function of the values that returns their cumulative probability.  Scores are within
         +-37, where the probability is 1e-300; a bare function resolves 8 at the upper end.
     """
-    cdf = law if callable(law) and not hasattr(law, "sf") else law.cdf
+    cdf = getattr(law, "cdf", law)
+    if not callable(cdf):
+        raise ValueError("recording.normal_scores: law: give a function, or what has cdf and sf")
     sf = getattr(law, "sf", lambda z: 1 - cdf(z))
     low, high = (np.asarray(f(np.asarray(frames, float)), float) for f in (cdf, sf))
     numbers("recording.normal_scores: law", low[frames == frames], "N", low=0.0, high=1.0)
@@ -253,6 +259,8 @@ def log_ratio(
 
     Ratios are within +-50, and 0 where both densities are 0.
     """
+    if not callable(getattr(law, "logpdf", None)):
+        raise ValueError("recording.log_ratio: law: it has no logpdf; give a frozen distribution")
     z = np.asarray(frames, float)
     gain = 1.0 if adds else 1.0 + strength
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -511,8 +519,8 @@ def inject(
     strength=S * rng.standard_exponential(K).
     """
     K, nx, ny = frames.shape
-    if len(path) != K or np.shape(strength) not in ((), (K,)):
-        raise ValueError(f"recording.inject: path, strength: give {K} places, 1 or {K} strengths")
+    if strength.shape not in ((), (K,)):
+        raise ValueError(f"recording.inject: strength: give one, or one for each of {K} frames")
     h = [_profile(path[:, axis], n, blur) for axis, n in enumerate((nx, ny))]
     h = h[0][:, :, None] * h[1][:, None, :] * np.ones(K)[:, None, None]
     power = h * h * np.broadcast_to(strength, K)[:, None, None]

@@ -89,6 +89,14 @@ def test_each_fault_is_named_in_one_line(name, law):
     assert "recording." in line
 
 
+def test_the_tail_beside_a_target_is_that_of_the_noise():
+    fits = [
+        misfit.fit(with_target(clean("gaussian", (60, 30, 20), s), "gaussian", 20.0))
+        for s in range(6)
+    ]
+    assert np.mean([fit.tail_1e3.value for fit in fits]) == pytest.approx(1.0, abs=0.4)
+
+
 def test_sizes_are_those_of_the_faults():
     z = clean("gaussian", (40, 50, 40))
     fit = misfit.fit(7.0 + 2.0 * (noise.louder(z, 1.0) + 0.3), mean=7.0, std=2.0)

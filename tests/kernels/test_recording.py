@@ -46,6 +46,9 @@ def test_gaps_do_not_move_the_level(law):
     near = recording.clipped(holes, law, 11)
     assert np.isnan(near.mean[np.isnan(holes).all(axis=(1, 2))]).all()
     assert np.nanmedian(near.mean) == pytest.approx(TRUE[law][0], rel=0.02)
+    z[:, :15] = np.nan
+    edge = recording.clipped(z, law, 11).mean[0, 9:15, 40]  # of 11 rows 0 to 5 are known
+    assert np.isnan(edge).tolist() == [True, True, True, False, False, False]
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -75,6 +78,20 @@ def test_the_background_of_each_cell_goes(law):
 
 
 TRUE_FLAT = {"gaussian": (0.0, 1.0), "exponential": (1.0, 1.0)}
+
+
+@pytest.mark.parametrize("at", [3.0, (np.ones(3), 1.0), ("a", "b"), (0.0, 1.0, 2.0), None], ids=str)
+def test_what_is_no_level_is_refused(at):
+    with pytest.raises(ValueError, match="normalise: at: give Level"):
+        recording.normalise(noise.gaussian((2, 3, 4), rng()), at)
+
+
+@pytest.mark.parametrize("use", ["normal_scores", "log_ratio"])
+@pytest.mark.parametrize("law", ["normal", None, np.ones(3), 5.0], ids=str)
+def test_what_is_no_law_is_refused(use, law):
+    args = (2.0,) if use == "log_ratio" else ()
+    with pytest.raises(ValueError, match=f"{use}: law: "):
+        getattr(recording, use)(noise.gaussian((2, 3, 4), rng()), law, *args)
 
 
 def test_negative_power_is_refused():
@@ -172,6 +189,7 @@ def test_overlapping_blocks_widen_the_interval():
     wide, narrow = recording.threshold(peaks, 0.1, independent=50), recording.threshold(peaks, 0.1)
     assert wide.value == narrow.value
     assert wide.high - wide.low > 1.5 * (narrow.high - narrow.low)
+    assert (wide.low, wide.high) == pytest.approx(stats.beta(5.1, 45.9).interval(0.95))
     for bad in (peaks[:29], np.zeros((40, 2, 2)), np.float64(3.0)):
         with pytest.raises(ValueError, match="30 or more blocks"):
             recording.threshold(bad, 0.1)
