@@ -14,6 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import tbdcore
+
 HERE = Path(__file__).parent
 CHECKED = sorted(path.stem.removeprefix("examples_") for path in HERE.glob("examples_*.py"))
 
@@ -87,6 +89,8 @@ def numeric(value):
 
 def test_every_public_function_has_an_example():
     assert {f"{m}.{f}" for m in CHECKED for f in ABOUT[m].EXAMPLES} == set(FUNCTIONS)
+    for module in set(tbdcore.__all__) - {"begin", "page", "kernel", "jit", "checks"}:
+        assert module in CHECKED or not hasattr(getattr(tbdcore, module), "__all__"), module
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
