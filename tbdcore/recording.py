@@ -273,7 +273,9 @@ def log_ratio(
 
 
 @checked
-def blocks(frames: Frames, K: Annotated[int, Integer(1)], step: Annotated[int, Integer(0)] = 0):
+def blocks(
+    frames: Frames, K: Annotated[int, Integer(1)], step: Annotated[int, Integer(0)] = 0
+) -> Array:
     """Blocks (n, K, nx, ny) of K successive frames in their order of time; a read-only view.
 
     step : from the start of a block to that of the next; 0: K, so that no two overlap.  Gaps stay
