@@ -20,54 +20,70 @@ take scalars or arrays; NaN and values outside the range that they name are a Va
 
 import itertools
 import math
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tbdcore import checks, kernel
+from tbdcore.checks import Array, Integer, Number, Numbers, checked, numbers
+from tbdcore.jit import kernel
 
-GOLDEN, TINY = 0.6180339887498949, np.finfo(float).tiny
+__all__ = ["GOLDEN", "TINY", "amplitude_ratio", "detection_probability", "false_plot"]
+__all__ += ["from_db", "radar_equation", "required_snr", "threshold", "to_db"]
+
+GOLDEN, TINY = 0.6180339887498949, float(np.finfo(float).tiny)
+FalseAlarm = Annotated[ArrayLike, Numbers(..., low=TINY, high=1.0)]
+LAST = 1.0 - 2.0**-53  # the largest number below 1
+Pair = Annotated[ArrayLike, Numbers(2)]
 
 
-def _within(name, values, low, high):
-    """The values as floats; ValueError unless all are in [low, high]."""
-    return checks.within(name, np.asarray(values, float), low, high)
-
-
-def to_db(ratio):
+@checked
+def to_db(ratio: Annotated[ArrayLike, Numbers(..., low=0.0, high=math.inf)]) -> Array:
     """Power ratio >= 0 in decibels, -inf for 0."""
     with np.errstate(divide="ignore"):
-        return 10 * np.log10(_within("power ratio", ratio, 0.0, math.inf))
+        return 10 * np.log10(ratio)
 
 
-def from_db(decibels):
-    """Decibels, below 1000, as a power ratio."""
-    return 10 ** (_within("decibels", decibels, -math.inf, 1000.0) / 10)
+@checked
+def from_db(decibels: Annotated[ArrayLike, Numbers(..., low=-math.inf, high=1000.0)]) -> Array:
+    """Decibels, at most 1000, as a power ratio."""
+    return 10 ** (decibels / 10)
 
 
-def threshold(p_false):
+@checked
+def threshold(p_false: FalseAlarm) -> Array:
     """Threshold eta on |x|**2 / sigma_n**2 for a false-alarm probability per cell in (0, 1]."""
-    return -np.log(_within("false-alarm probability", p_false, TINY, 1.0))
+    return -np.log(p_false)
 
 
-def detection_probability(eta, snr):
+@checked
+def detection_probability(
+    eta: Annotated[ArrayLike, Numbers(..., low=0.0, high=math.inf)],
+    snr: Annotated[ArrayLike, Numbers(..., low=0.0, high=1e300)],
+) -> Array:
     """Probability that a cell with a Swerling 1 target of mean linear `snr` exceeds eta >= 0."""
-    return np.exp(-_within("eta", eta, 0.0, math.inf) / (1 + _within("snr", snr, 0.0, 1e300)))
+    return np.exp(-eta / (1 + snr))
 
 
-def required_snr(p_detect, p_false):
+@checked
+def required_snr(
+    p_detect: Annotated[ArrayLike, Numbers(..., low=TINY, high=1.0 - 1e-15)], p_false: FalseAlarm
+) -> Array:
     """Mean linear SNR that a Swerling 1 target needs for p_detect at p_false <= p_detect."""
-    p_false = _within("false-alarm probability", p_false, TINY, 1.0)
-    p_detect = _within("detection probability", p_detect, TINY, 1.0 - 1e-15)
     if (p_detect < p_false).any():
         raise ValueError("detection.required_snr: p_detect is below p_false; no target is needed")
     return np.log(p_false) / np.log(p_detect) - 1
 
 
-def radar_equation(r, snr0, r0):
+@checked
+def radar_equation(
+    r: Annotated[ArrayLike, Numbers(...)],
+    snr0: Annotated[float, Number(0.0, 1e100)],
+    r0: Annotated[float, Number(1e-100, 1e100)],
+) -> Array:
     """SNR at range r of a target that has snr0 at r0 (same unit): the fourth-power law."""
-    checks.number("snr0", snr0, 0.0, 1e100)
-    checks.number("r0", r0, 1e-100, 1e100)
-    return snr0 * (r0 / _within("range", r, 1e-50 * r0, 1e50 * r0)) ** 4
+    numbers("detection.radar_equation: r", r, ..., low=1e-50 * r0, high=1e50 * r0)
+    return snr0 * (r0 / np.asarray(r)) ** 4
 
 
 def amplitude_ratio_spec(excess, snr):
@@ -76,24 +92,19 @@ def amplitude_ratio_spec(excess, snr):
     return np.array(density).reshape(len(snr), len(excess)) + np.asarray(excess)
 
 
+@checked
 @kernel
-def amplitude_ratio(excess, snr):
+def amplitude_ratio(
+    excess: Annotated[ArrayLike, Numbers("M", low=0.0)],
+    snr: Annotated[ArrayLike, Numbers("T", low=0.0)],
+) -> Array:
     """ln of p(excess | target) / p(excess | noise), S / (1 + S) excess - ln(1 + S), shape (T, M).
 
     ``excess`` (M,) is lambda - eta >= 0 of each plot, for a Rayleigh amplitude a with parameter 1
     and threshold tau (a**2 - tau**2) / 2; ``snr`` S (T,) the mean linear ratio of each target.
     """
-    if excess.ndim != 1 or snr.ndim != 1:
-        raise ValueError("detection.amplitude_ratio: give excess (M,) and snr (T,)")
-    valid = 0
-    for m in range(excess.size):
-        valid += (excess[m] >= 0.0) & (excess[m] < np.inf)
-    if valid < excess.size:
-        raise ValueError("detection.amplitude_ratio: an excess is negative or not finite")
     out = np.empty((snr.size, excess.size))
     for t in range(snr.size):
-        if not 0.0 <= snr[t] < np.inf:
-            raise ValueError("detection.amplitude_ratio: an SNR is negative or not finite")
         gain, level = snr[t] / (1.0 + snr[t]), math.log(1.0 + snr[t])
         for m in range(excess.size):
             out[t, m] = gain * excess[m] - level
@@ -118,8 +129,17 @@ def false_plot_spec(u, v, centre, half, cell, p_false, nth):
     return True, *(low + (high - low) * turned - centre)
 
 
+@checked
 @kernel
-def false_plot(u, v, centre, half, cell, p_false, nth):
+def false_plot(
+    u: Annotated[float, Number(0.0, LAST)],
+    v: Pair,
+    centre: Pair,
+    half: Annotated[ArrayLike, Numbers(2, low=0.0)],
+    cell: Annotated[ArrayLike, Numbers(2, low=TINY)],
+    p_false: Annotated[float, Number(0.0, 1.0)],
+    nth: Annotated[int, Integer(0)],
+) -> tuple[bool, float, float]:
     """The nth false plot inside a rectangular gate over a grid of cells: (found, residual (2)).
 
     A cell fires with probability q, p_false times the share of the cell inside the gate.  One draw
@@ -129,16 +149,14 @@ def false_plot(u, v, centre, half, cell, p_false, nth):
         from one false plot to the next
     centre, half, cell : pairs, centre and half width of the gate, width of a cell, in m and rad
     """
-    if not (0.0 <= p_false <= 1.0 and 0.0 <= u < 1.0 and abs(v[0]) + abs(v[1]) < np.inf):
-        raise ValueError("detection.false_plot: u or p_false is not in [0, 1], or v not finite")
     cells = 1.0
     for n in range(2):
-        if not (cell[n] > 0.0 and half[n] >= 0.0 and abs(centre[n]) + half[n] < 1e15 * cell[n]):
-            raise ValueError("detection.false_plot: a cell width is not positive, or a gate NaN")
+        if not abs(centre[n]) + half[n] < 1e15 * cell[n]:
+            raise ValueError("detection.false_plot: the gate is 1e15 cells away; is it in m, rad?")
         cells *= 2.0 * half[n] / cell[n] + 2.0
     if cells > 1e8:
         raise ValueError("detection.false_plot: over 1e8 cells in a gate; enlarge the cells")
-    found, (w, h) = 0, cell
+    found, w, h = 0, cell[0], cell[1]
     near, far = centre[0] - half[0], centre[0] + half[0]
     right, left = centre[1] - half[1], centre[1] + half[1]
     for i in range(math.floor(near / w), math.ceil(far / w)):

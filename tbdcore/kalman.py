@@ -13,14 +13,14 @@ and these five functions take one track or any stack of tracks on leading axes, 
 ``gate_half_widths`` and ``gate_volume`` of a rectangle, ``mahalanobis`` of an ellipse.
 
 ``two_point``, ``predict_cv``, ``gate_polar`` and ``update_polar`` are the same step compiled: for
-one track, in place, with the zeros of F and H left out.  Called from another kernel, the last three
-check nothing, which would double their time.
+one track, in place, with the zeros of F and H left out.
 
 ``predict_tracks``, ``gate_tracks`` and ``update_mixture`` take several tracks through a scan whose
 plots carry association weights.  Their plots are in metres, linear measurements of the position.
 
-All functions raise ValueError for NaN and infinity, for an innovation covariance that is not
-positive definite, and for a target at the radar, where azimuth has no meaning.
+All functions raise ValueError for NaN and infinity, in arguments and results, for a negative
+variance, for an innovation covariance that is not positive definite, and for a target at the radar,
+where azimuth has no meaning; a track that is changed in place is then as before.
 
 The covariance mixes metres, metres per second and ellipses a thousand times longer than wide:
 ``update`` uses Joseph's form, the compiled one symmetrises by construction.  Start a track from two
@@ -29,25 +29,59 @@ an error e there makes the linearisation err in range by e**2 / 2 r.
 """
 
 import math
-from functools import partial
+from typing import Annotated
 
 import numpy as np
 from numba import literal_unroll
+from numpy.typing import ArrayLike
 
-from tbdcore import checks, kernel
+from tbdcore.checks import Array, Number, Numbers, checked
+from tbdcore.jit import kernel
+
+__all__ = ["cartesian", "gate_half_widths", "gate_polar", "gate_tracks", "gate_volume"]
+__all__ += ["innovation_covariance", "mahalanobis", "polar", "polar_jacobian", "polar_noise"]
+__all__ += ["position_bound", "predict", "predict_cv", "predict_tracks", "residual", "two_point"]
+__all__ += ["update", "update_mixture", "update_polar"]
 
 
-def _finite(where, *arrays):
-    """The arrays as floats; ValueError where one has a NaN or an infinity."""
-    arrays = [np.asarray(a, float) for a in arrays]
-    if not all(np.isfinite(a).all() for a in arrays):
-        raise ValueError(f"kalman.{where}: an argument or the result is NaN or infinite")
-    return arrays
+class Covariance(Numbers):
+    """Rule: covariance matrices on the last two axes, no variance negative."""
+
+    def limit(self, name, a):
+        super().limit(name, a)
+        if (np.diagonal(a, axis1=-2, axis2=-1) < 0).any():
+            raise ValueError(f"{name}: a variance is negative; correct it")
+
+
+States = Annotated[ArrayLike, Numbers(..., 4)]
+Covariances = Annotated[ArrayLike, Covariance(..., 4, 4)]
+Matrices = Annotated[ArrayLike, Numbers(..., 4, 4)]
+Plots = Annotated[ArrayLike, Numbers(..., 2)]
+Residuals = Annotated[ArrayLike, Numbers(..., "n")]
+Derivatives = Annotated[ArrayLike, Numbers(..., "n", 4)]
+Errors = Annotated[ArrayLike, Covariance(..., "n", "n")]
+Pair = Annotated[ArrayLike, Numbers(2)]
+Variances = Annotated[ArrayLike, Numbers(2, low=0.0)]
+State = Annotated[Array, Numbers(4, in_place=True)]  # of one track, which is changed
+Spread = Annotated[Array, Covariance(4, 4, in_place=True)]
+Real = Annotated[float, Number()]
+Positive = Annotated[float, Number(0.0)]
+Duration = Annotated[float, Number(np.finfo(float).tiny)]
+Tracks = Annotated[ArrayLike, Numbers("T", 4)]
+TrackCovariances = Annotated[ArrayLike, Covariance("T", 4, 4)]
+Track = tuple[Array, Array]
+
+
+def _finite(where, *results):
+    """The results; ValueError where one has a NaN or an infinity."""
+    if not all(np.isfinite(a).all() for a in results):
+        raise ValueError(f"kalman.{where}: the result is NaN or infinite; is a target at r = 0?")
+    return results
 
 
 def _positive(where, D):
-    """D as a float array; ValueError unless it is a stack of positive definite matrices."""
-    (D,) = _finite(where, D)
+    """The stack of matrices; ValueError unless they are finite and positive definite."""
+    _finite(where, D)
     try:
         np.linalg.cholesky(0.5 * D + 0.5 * np.swapaxes(D, -1, -2))
     except np.linalg.LinAlgError:
@@ -56,85 +90,90 @@ def _positive(where, D):
     return D
 
 
-def predict(x, P, F, Q):
+@checked
+def predict(x: States, P: Covariances, F: Matrices, Q: Covariances) -> Track:
     """Mean (..., 4) and covariance (..., 4, 4) one scan later."""
     with np.errstate(over="ignore", invalid="ignore"):
         mean, cov = (F @ x[..., None])[..., 0], F @ P @ np.swapaxes(F, -1, -2) + Q
-    return tuple(_finite("predict", mean, cov))
+    return _finite("predict", mean, cov)
 
 
-def polar(x):
+@checked
+def polar(x: States) -> Array:
     """Range (m) and azimuth (rad) of states (..., 4), shape (..., 2)."""
-    (x,) = _finite("polar", x)
     return np.stack([np.hypot(x[..., 0], x[..., 2]), np.arctan2(x[..., 2], x[..., 0])], axis=-1)
 
 
-def polar_jacobian(x):
+@checked
+def polar_jacobian(x: States) -> Array:
     """Derivative of :func:`polar` with respect to the state, shape (..., 2, 4)."""
-    (x,) = _finite("polar_jacobian", x)
     r = np.hypot(x[..., 0], x[..., 2])
     if not (r > 1e-9).all():
         raise ValueError("kalman.polar_jacobian: a target at the radar has no azimuth; move it")
-    c, s, H = x[..., 0] / r, x[..., 2] / r, np.zeros((*x.shape[:-1], 2, 4))
+    c, s = x[..., 0] / r, x[..., 2] / r
+    H = np.zeros((*x.shape[:-1], 2, 4))
     H[..., 0, 0], H[..., 0, 2], H[..., 1, 0], H[..., 1, 2] = c, s, -s / r, c / r
     return H
 
 
-def cartesian(z):
+@checked
+def cartesian(z: Plots) -> Array:
     """Position (..., 2) in m of plots (..., 2) in range and azimuth."""
-    (z,) = _finite("cartesian", z)
     return z[..., :1] * np.stack([np.cos(z[..., 1]), np.sin(z[..., 1])], axis=-1)
 
 
-def residual(z, zhat):
+@checked
+def residual(z: Plots, zhat: Plots) -> Array:
     """z - zhat (..., 2) with the azimuth wrapped to [-pi, pi)."""
-    z, zhat = _finite("residual", z, zhat)
     with np.errstate(over="ignore"):
         (y,) = _finite("residual", z - zhat)
     y[..., 1] = (y[..., 1] + np.pi) % (2 * np.pi) - np.pi
     return y
 
 
-def innovation_covariance(P, H, R):
+@checked
+def innovation_covariance(P: Covariances, H: Derivatives, R: Errors) -> Array:
     """H P H' + R, shape (..., n, n)."""
-    return H @ P @ np.swapaxes(H, -1, -2) + R
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _finite("innovation_covariance", H @ P @ np.swapaxes(H, -1, -2) + R)[0]
 
 
-def update(x, P, y, H, R):
+@checked
+def update(x: States, P: Covariances, y: Residuals, H: Derivatives, R: Errors) -> Track:
     """Mean and covariance after a residual y (..., n), in Joseph's form."""
     with np.errstate(over="ignore", invalid="ignore"):
-        HP, D = H @ P, _positive("update", innovation_covariance(P, H, R))
-        K = np.swapaxes(np.linalg.solve(D, HP), -1, -2)
+        D = _positive("update", H @ P @ np.swapaxes(H, -1, -2) + R)
+        K = np.swapaxes(np.linalg.solve(D, H @ P), -1, -2)
         A = np.eye(x.shape[-1]) - K @ H
         mean = x + (K @ y[..., None])[..., 0]
         cov = A @ P @ np.swapaxes(A, -1, -2) + K @ R @ np.swapaxes(K, -1, -2)
-    return tuple(_finite("update", mean, cov))
+    return _finite("update", mean, cov)
 
 
-def mahalanobis(y, D):
+@checked
+def mahalanobis(y: Residuals, D: Errors) -> Array:
     """Squared distance y' D**-1 y of residuals (..., n)."""
-    (y,), D = _finite("mahalanobis", y), _positive("mahalanobis", D)
+    _positive("mahalanobis", D)
     with np.errstate(over="ignore"):
         return np.sum(y * np.linalg.solve(D, y[..., None])[..., 0], axis=-1)
 
 
-def gate_half_widths(g, D):
+@checked
+def gate_half_widths(g: Duration, D: Errors) -> Array:
     """Half widths g sqrt(D_jj) of the rectangular gate, shape (..., n)."""
-    _finite("gate_half_widths", g, D)
-    if not (g > 0 and (np.diagonal(D, axis1=-2, axis2=-1) >= 0).all()):
-        raise ValueError("kalman.gate_half_widths: g and the variances D_jj must be positive")
     return g * np.sqrt(np.diagonal(D, axis1=-2, axis2=-1))
 
 
-def gate_volume(g, D):
+@checked
+def gate_volume(g: Duration, D: Errors) -> Array:
     """Size of the rectangular gate, prod_j 2 g sqrt(D_jj)."""
     with np.errstate(over="ignore"):
         return _finite("gate_volume", np.prod(2 * gate_half_widths(g, D), axis=-1))[0]
 
 
-def polar_noise(z, R):
+@checked
+def polar_noise(z: Pair, R: Annotated[ArrayLike, Covariance(2, 2)]) -> Array:
     """First-order covariance (2, 2) in m^2 of a plot z = (range, azimuth) with that of errors R."""
-    z, R = _finite("polar_noise", z, R)
     c, s = math.cos(z[1]), math.sin(z[1])
     J = np.array([[c, -z[0] * s], [s, z[0] * c]])
     return J @ R @ J.T
@@ -159,15 +198,10 @@ def _finite_parts(parts):
     return parts
 
 
-@kernel
-def _check_step(x, P, numbers):
-    """Raise ValueError unless all are finite, and variances and the last two numbers >= 0."""
-    np.finfo(x.dtype), np.finfo(P.dtype)  # does not compile for integers
-    if x.shape != (4,) or P.shape != (4, 4):
-        raise ValueError("kalman: give float arrays, state (4,), covariance (4, 4)")
-    _finite_parts((x, P, *numbers))
-    if min(P[0, 0], P[1, 1], P[2, 2], P[3, 3], numbers[-2], numbers[-1]) < 0:
-        raise ValueError("kalman: a variance or the time T is negative; correct it")
+def _stored(where, x, P, result):
+    """The state x and covariance P, overwritten by a result that is finite."""
+    x[...], P[...] = _finite(where, *result)
+    return x, P
 
 
 def two_point_spec(z1, z2, var1, var2, T):
@@ -180,19 +214,17 @@ def two_point_spec(z1, z2, var1, var2, T):
     return A @ np.array([p1[0], p2[0], p1[1], p2[1]]), A @ both @ A.T
 
 
+@checked
 @kernel
-def two_point(z1, z2, var1, var2, T):
+def two_point(z1: Pair, z2: Pair, var1: Variances, var2: Variances, T: Duration) -> Track:
     """Track (x (4,), P (4, 4)) at the time of the second of two plots, T > 0 seconds apart.
 
     The position is that of the second plot, the velocity the difference over T.  Plots z1, z2 and
     variances var1, var2 are pairs (range in m, azimuth in rad; m^2, rad^2).
     """
-    if len(z1) != 2 or len(z2) != 2 or len(var1) != 2 or len(var2) != 2:
-        raise ValueError("kalman.two_point: plots and variances are pairs, of range and azimuth")
-    if not (T > 0.0 and min(var1[0], var1[1], var2[0], var2[1]) >= 0.0):
-        raise ValueError("kalman.two_point: the time T and the variances must be positive")
     x, P = np.empty(4), np.empty((4, 4))
-    c1, s1, c2, s2 = math.cos(z1[1]), math.sin(z1[1]), math.cos(z2[1]), math.sin(z2[1])
+    c1, s1 = math.cos(z1[1]), math.sin(z1[1])
+    c2, s2 = math.cos(z2[1]), math.sin(z2[1])
     x[0], x[2] = z2[0] * c2, z2[0] * s2
     x[1], x[3] = (x[0] - z1[0] * c1) / T, (x[2] - z1[0] * s1) / T
     first = _rotated(c1, s1, 1.0, var1[0], z1[0] * z1[0] * var1[1])
@@ -201,7 +233,7 @@ def two_point(z1, z2, var1, var2, T):
         P[i, j], P[i + 1, j], P[i, j + 1] = last[n], last[n] / T, last[n] / T
         P[i + 1, j + 1] = (first[n] + last[n]) / T**2
     if not math.isfinite(x[1] + x[3] + P[1, 1] + P[3, 3]):
-        raise ValueError("kalman.two_point: a plot or the time T is NaN or infinite; correct it")
+        raise ValueError("kalman.two_point: the track is not finite; is T too short?")
     return x, P
 
 
@@ -232,16 +264,13 @@ def _predict_cv(x, P, T, q):
     return x, P
 
 
-@partial(checks.typed, inside=_predict_cv)
-@kernel
-def predict_cv(x, P, T, q):
+@checked(inside=_predict_cv)
+def predict_cv(x: State, P: Spread, T: Positive, q: Positive) -> Track:
     """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
 
     q >= 0 is the power density of the white acceleration on each axis, in m^2/s^3.
     """
-    numbers = float(T), float(q)
-    _check_step(x, P, numbers)
-    return _finite_parts(_predict_cv(x, P, *numbers))
+    return _stored("predict_cv", x, P, _predict_cv(x.copy(), P.copy(), T, q))
 
 
 def gate_polar_spec(x, P, var_r, var_a):
@@ -260,13 +289,15 @@ def _gate_polar(x, P, var_r, var_a):
     return r, math.atan2(x[2], x[0]), D11, D12, D22
 
 
-@partial(checks.typed, inside=_gate_polar)
-@kernel
-def gate_polar(x, P, var_r, var_a):
+@checked(inside=_gate_polar)
+def gate_polar(
+    x: Annotated[ArrayLike, Numbers(4)],
+    P: Annotated[ArrayLike, Covariance(4, 4)],
+    var_r: Positive,
+    var_a: Positive,
+) -> tuple[float, float, float, float, float]:
     """(range, azimuth, D_11, D_12, D_22) of x (4,), P (4, 4), var_r in m^2 and var_a in rad^2."""
-    numbers = float(var_r), float(var_a)
-    _check_step(x, P, numbers)
-    return _finite_parts(_gate_polar(x, P, *numbers))
+    return _finite("gate_polar", *_gate_polar(x, P, var_r, var_a))
 
 
 def update_polar_spec(x, P, y_r, y_a, var_r, var_a):
@@ -299,16 +330,15 @@ def _update_polar(x, P, y_r, y_a, var_r, var_a):
     return x, P
 
 
-@partial(checks.typed, inside=_update_polar)
-@kernel
-def update_polar(x, P, y_r, y_a, var_r, var_a):
+@checked(inside=_update_polar)
+def update_polar(
+    x: State, P: Spread, y_r: Real, y_a: Real, var_r: Positive, var_a: Positive
+) -> Track:
     """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
 
     Errors are independent, with variances var_r and var_a: two scalar updates, no matrix inverse.
     """
-    numbers = float(y_r), float(y_a), float(var_r), float(var_a)
-    _check_step(x, P, numbers)
-    return _finite_parts(_update_polar(x, P, *numbers))
+    return _stored("update_polar", x, P, _update_polar(x.copy(), P.copy(), y_r, y_a, var_r, var_a))
 
 
 def predict_tracks_spec(x, P, F, Q):
@@ -316,13 +346,16 @@ def predict_tracks_spec(x, P, F, Q):
     return predict(x, P, F, Q)
 
 
+@checked
 @kernel
-def predict_tracks(x, P, F, Q):
+def predict_tracks(
+    x: Tracks,
+    P: TrackCovariances,
+    F: Annotated[ArrayLike, Numbers("T", 4, 4)],
+    Q: Annotated[ArrayLike, Covariance(4, 4)],
+) -> Track:
     """Means (T, 4), covariances (T, 4, 4) one scan later, F (T, 4, 4) by track, Q (4, 4) common."""
-    T = x.size // 4
-    fit = x.shape + P.shape + F.shape + Q.shape == (T, 4, T, 4, 4, T, 4, 4, 4, 4)
-    if x.ndim != 2 or P.ndim != 3 or F.ndim != 3 or Q.ndim != 2 or not fit:
-        raise ValueError("kalman.predict_tracks: give x (T, 4), P and F (T, 4, 4), Q (4, 4)")
+    T = len(x)
     mean, cov, FP = np.zeros((T, 4)), np.empty((T, 4, 4)), np.empty((4, 4))
     for t in range(T):
         for i in range(4):
@@ -346,15 +379,16 @@ def gate_tracks_spec(x, P, var_r, var_a):
     return x[:, ::2].copy(), R, P[:, ::2, ::2] + R
 
 
+@checked
 @kernel
-def gate_tracks(x, P, var_r, var_a):
+def gate_tracks(
+    x: Tracks, P: TrackCovariances, var_r: Positive, var_a: Positive
+) -> tuple[Array, Array, Array]:
     """Predicted plots zhat (T, 2) in m, plot covariances R and D = H P H' + R (T, 2, 2).
 
     ``x`` (T, 4), ``P`` (T, 4, 4) predicted, ``var_r`` in m^2, ``var_a`` in rad^2.  R is that of a
     plot at the predicted position: at the plot's own, nearer plots would look more accurate.
     """
-    if x.ndim != 2 or P.ndim != 3 or x.shape[1] != 4 or P.shape != (x.shape[0], 4, 4):
-        raise ValueError("kalman.gate_tracks: give x (T, 4), P (T, 4, 4)")
     T = x.shape[0]
     zhat, R, D = np.empty((T, 2)), np.empty((T, 2, 2)), np.empty((T, 2, 2))
     for t in range(T):
@@ -382,30 +416,35 @@ def update_mixture_spec(x, P, D, z, beta):
     return mean, cov
 
 
+@checked
 @kernel
-def update_mixture(x, P, D, z, beta):
+def update_mixture(
+    x: Tracks,
+    P: TrackCovariances,
+    D: Annotated[ArrayLike, Covariance("T", 2, 2)],
+    z: Annotated[ArrayLike, Numbers("M", 2)],
+    beta: Annotated[ArrayLike, Numbers("T", "M+1", low=0.0, high=1.0 + 1e-9)],
+) -> Track:
     """Means (T, 4), covariances (T, 4, 4) after a scan whose plots carry association weights.
 
     ``x``, ``P`` predicted, ``D`` (T, 2, 2) as :func:`gate_tracks` gives it, ``z`` (M, 2) plots in
-    m, ``beta`` (T, M + 1) weights, first that of no plot.  The mixture of the updates is replaced
-    by its mean and covariance; all plots share one gain.
+    m, ``beta`` (T, M + 1) weights that sum to 1, first that of no plot.  The mixture of the updates
+    is replaced by its mean and covariance; all plots share one gain.
     """
-    T, M, K, shapes = x.size // 4, z.size // 2, np.empty((4, 2)), x.shape + P.shape + D.shape
-    if x.ndim != 2 or P.ndim != 3 or D.ndim != 3 or shapes != (T, 4, T, 4, 4, T, 2, 2):
-        raise ValueError("kalman.update_mixture: give x (T, 4), P (T, 4, 4), D (T, 2, 2)")
-    if z.ndim != 2 or beta.ndim != 2 or z.shape + beta.shape != (M, 2, T, M + 1):
-        raise ValueError("kalman.update_mixture: give plots (M, 2) and weights (T, M + 1)")
+    T, M, K = len(x), len(z), np.empty((4, 2))
     mean, cov = np.empty((T, 4)), np.empty((T, 4, 4))
     for t in range(T):
         det = D[t, 0, 0] * D[t, 1, 1] - D[t, 0, 1] * D[t, 1, 0]
         if not (det > 0.0 and D[t, 0, 0] > 0.0):
-            raise ValueError("kalman.update_mixture: an innovation covariance is not positive")
+            raise ValueError("kalman.update_mixture: a covariance D is not positive definite")
         y0, y1, s00, s01, s11 = 0.0, 0.0, 0.0, 0.0, 0.0
         for m in range(M):
             b, e0, e1 = beta[t, m + 1], z[m, 0] - x[t, 0], z[m, 1] - x[t, 2]
             y0, y1 = y0 + b * e0, y1 + b * e1
             s00, s01, s11 = s00 + b * e0 * e0, s01 + b * e0 * e1, s11 + b * e1 * e1
         hit = 1.0 - beta[t, 0]
+        if not abs(beta[t].sum() - 1.0) <= 1e-6:
+            raise ValueError("kalman.update_mixture: the weights beta of a track do not sum to 1")
         s00 = s00 - y0 * y0 - hit * D[t, 0, 0]
         s01 = s01 - y0 * y1 - hit * D[t, 0, 1]
         s11 = s11 - y1 * y1 - hit * D[t, 1, 1]
@@ -420,17 +459,24 @@ def update_mixture(x, P, D, z, beta):
     return _finite_parts((mean, cov))
 
 
-def position_bound(F, R, P, p_detect):
+@checked
+def position_bound(
+    F: Annotated[ArrayLike, Numbers("K-1", "T", 4, 4)],
+    R: Annotated[ArrayLike, Covariance("K", "T", 2, 2)],
+    P: TrackCovariances,
+    p_detect: Annotated[float, Number(0.0, 1.0)],
+) -> Array:
     """Posterior Cramer-Rao bound (K, T, 4, 4) of tracks seen with probability p_detect per scan.
 
     ``F`` (K - 1, T, 4, 4) transitions, ``R`` (K, T, 2, 2) plot covariances at the true positions,
     ``P`` (T, 4, 4) of the first state.  J_k = (F J_{k-1}^-1 F')^-1 + p_detect H' R_k^-1 H.
     """
-    if not 0 <= p_detect <= 1:
-        raise ValueError(f"kalman.position_bound: p_detect {p_detect:g} is not in [0, 1]")
-    bounds = list(_finite("position_bound", P))
-    for step, noise in zip(F, R[1:], strict=True):
-        J = np.linalg.inv(step @ bounds[-1] @ np.swapaxes(step, -1, -2))
-        J[..., ::2, ::2] += p_detect * np.linalg.inv(noise)
-        bounds.append(np.linalg.inv(J))
-    return _finite("position_bound", bounds)[0]
+    bounds = [P]
+    try:
+        for step, noise in zip(F, R[1:], strict=True):
+            J = np.linalg.inv(step @ bounds[-1] @ np.swapaxes(step, -1, -2))
+            J[..., ::2, ::2] += p_detect * np.linalg.inv(noise)
+            bounds.append(np.linalg.inv(J))
+    except np.linalg.LinAlgError:
+        raise ValueError("kalman.position_bound: F, R or P is singular; give variances") from None
+    return _finite("position_bound", np.array(bounds))[0]

@@ -20,39 +20,44 @@ from a law of birth that is a box in position and velocity.
 """
 
 import math
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tbdcore import checks, kernel
+from tbdcore.checks import Array, Flag, Integers, Number, Numbers, checked
+from tbdcore.jit import kernel
+
+__all__ = ["box_states", "check_transitions", "coordinated_turn", "cv", "step_acceleration"]
+__all__ += ["transition", "white_acceleration"]
 
 LARGE = 1e50  # largest time, rate or acceleration: products stay finite
+Real = Annotated[float, Number(-LARGE, LARGE)]
+Positive = Annotated[float, Number(0.0, LARGE)]
 
 
-def cv(T):
+@checked
+def cv(T: Real) -> Array:
     """Transition matrix (4, 4) of a constant velocity over T seconds, state [x, vx, y, vy]."""
-    checks.number("cv: T", T, -LARGE, LARGE)
     return np.kron(np.eye(2), np.array([[1.0, T], [0.0, 1.0]]))
 
 
-def white_acceleration(T, q):
+@checked
+def white_acceleration(T: Positive, q: Positive) -> Array:
     """Covariance (4, 4) of white acceleration of power density q (m^2/s^3) over T seconds."""
-    checks.number("white_acceleration: T", T, 0.0, LARGE)
-    checks.number("white_acceleration: q", q, 0.0, LARGE)
     return q * np.kron(np.eye(2), np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]]))
 
 
-def step_acceleration(T, a):
+@checked
+def step_acceleration(T: Positive, a: Positive) -> Array:
     """Covariance (4, 4) of T seconds of a constant acceleration of standard deviation a (m/s^2)."""
-    checks.number("step_acceleration: T", T, 0.0, LARGE)
-    checks.number("step_acceleration: a", a, 0.0, LARGE)
     g = np.array([T**2 / 2, T])
     return a**2 * np.kron(np.eye(2), np.outer(g, g))
 
 
-def coordinated_turn(omega, T):
+@checked
+def coordinated_turn(omega: Real, T: Real) -> Array:
     """Transition matrix (4, 4) of a turn at omega rad/s for T seconds; exact at omega = 0."""
-    checks.number("coordinated_turn: omega", omega, -LARGE, LARGE)
-    checks.number("coordinated_turn: T", T, -LARGE, LARGE)
     h = 0.5 * omega * T
     f = T * math.sin(h) / h if h else T
     a, b = f * math.cos(h), f * math.sin(h)
@@ -60,15 +65,15 @@ def coordinated_turn(omega, T):
     return np.array([[1.0, a, 0.0, -b], [0.0, c, 0.0, -s], [0.0, b, 1.0, a], [0.0, s, 0.0, c]])
 
 
-def check_transitions(Pi):
-    """Pi as a float array; ValueError unless square, with rows of probabilities that sum to 1."""
-    Pi = np.asarray(Pi, float)
-    if Pi.ndim != 2 or Pi.shape[0] != Pi.shape[1] or not Pi.size:
-        raise ValueError(f"transition matrix: shape {Pi.shape}; give (n, n), a row per regime")
-    for a, row in enumerate(Pi):
-        if not ((row >= 0) & (row <= 1 + 1e-9)).all() or abs(row.sum() - 1.0) > 1e-9:
-            raise ValueError(f"transition matrix: row {a} is no law that sums to 1: {row.tolist()}")
-    return Pi
+@checked
+def check_transitions(Pi: Annotated[ArrayLike, Numbers("n", "n", low=0.0, high=1 + 1e-9)]) -> Array:
+    """Pi as a float array; ValueError unless its rows are probabilities that sum to 1."""
+    for a, row in enumerate(np.asarray(Pi)):
+        if abs(row.sum() - 1.0) > 1e-9:
+            raise ValueError(f"motion.check_transitions: Pi[{a}]: {row.tolist()} do not sum to 1")
+    if not np.size(Pi):
+        raise ValueError("motion.check_transitions: Pi is empty; give a row for each regime")
+    return np.asarray(Pi)
 
 
 @kernel
@@ -86,7 +91,7 @@ def _check_intervals(omegas):
         valid &= -np.inf < low <= high < np.inf
         total += high - low
     if not valid:
-        raise ValueError("motion: the turn rates are two intervals (2, 2), lower end first")
+        raise ValueError("motion: the turn rates omegas are two intervals (2, 2), lower end first")
     return total
 
 
@@ -97,17 +102,23 @@ def box_states_spec(u, low, width, omegas):
     return np.column_stack([np.outer(u[d], width[d]) + low[d] for d in range(4)] + [turns])
 
 
+@checked
 @kernel
-def box_states(u, low, width, omegas):
+def box_states(
+    u: Annotated[ArrayLike, Numbers(5, "n", low=None)],
+    low: Annotated[ArrayLike, Numbers(4, low=None)],
+    width: Annotated[ArrayLike, Numbers(4, low=None)],
+    omegas: Annotated[ArrayLike, Numbers(2, 2, low=None)],
+) -> Array:
     """States (n, 5) = [x, vx, y, vy, omega] of a uniform law, from uniform draws u (5, n).
 
+    A NaN in u is one in the state.
     low, width : (4,) edge and width of the box of positions and velocities
     omegas : (2, 2) intervals of the turn rate, chosen in proportion to their lengths
     """
-    if u.ndim != 2 or u.shape[0] != 5 or low.size != 4 or width.size != 4:
-        raise ValueError("motion.box_states: give u (5, n), low (4,), width (4,), omegas (2, 2)")
-    _check_intervals(omegas)
-    S, both = np.empty((u.shape[1], 5)), omegas[0, 1] - omegas[0, 0] + omegas[1, 1] - omegas[1, 0]
+    S, both = np.empty((u.shape[1], 5)), _check_intervals(omegas)
+    if not np.isfinite(low).all() or not np.isfinite(width).all():
+        raise ValueError("motion.box_states: low or width is NaN or infinite; give a finite box")
     for n in range(len(S)):
         for d in range(4):
             S[n, d] = low[d] + width[d] * u[d, n]
@@ -142,11 +153,21 @@ def _move(S, n, along, aside, c, s, T, a):
     S[n, 3] = s * vx + c * vy + T * a[n, 1]
 
 
+@checked
 @kernel
-def transition(r, S, Pi, T, u, a, omegas, redraw):
+def transition(
+    r: Annotated[ArrayLike, Integers("N")],
+    S: Annotated[Array, Numbers("N", 5, low=None, in_place=True)],
+    Pi: Annotated[ArrayLike, Numbers(3, 3, low=None)],
+    T: Annotated[float, Number()],
+    u: Annotated[ArrayLike, Numbers("N", low=None)],
+    a: Annotated[ArrayLike, Numbers("N", 2, low=None)],
+    omegas: Annotated[ArrayLike, Numbers("rates", 2, low=None)],
+    redraw: Annotated[bool, Flag()],
+) -> tuple[Array, Array, Array]:
     """One frame of the chain and of the motion: regimes (N,), indices of the born (B,), states.
 
-    r : (N,) int64 regimes; S : (N, 5) states [x, vx, y, vy, omega], moved **in place**
+    r : (N,) regimes; S : (N, 5) states [x, vx, y, vy, omega], moved **in place**, NaN stays NaN
     Pi : (3, 3) transition probabilities, rows from; T : seconds
     u : (N,) uniform draws in [0, 1); a : (N, 2) accelerations, constant during the step
     omegas : (2, 2) intervals of the turn rate that is drawn where a turn begins, 1 -> 2, from the
@@ -154,19 +175,16 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
     redraw : if True, the born are not moved, the caller draws their states; if False they go on
         from the state they have, and the list of the born is empty
     """
-    fit = S.shape + u.shape + a.shape + Pi.shape == (r.size, 5, r.size, r.size, 2, 3, 3)
-    if S.ndim != 2 or u.ndim != 1 or a.ndim != 2 or Pi.ndim != 2 or omegas.ndim != 2 or not fit:
-        raise ValueError("motion.transition: give r (N,), S (N, 5), Pi (3, 3), u (N,), a (N, 2)")
     for p, q, w in Pi:
-        if not (min(p, q, w) >= 0.0 and abs(p + q + w - 1.0) <= 1e-9 and abs(T) < np.inf):
-            raise ValueError("motion.transition: a row of Pi does not sum to 1, or T is not finite")
+        if not (min(p, q, w) >= 0.0 and abs(p + q + w - 1.0) <= 1e-9):
+            raise ValueError("motion.transition: a row of Pi is negative or does not sum to 1")
     both = _check_intervals(omegas) if len(omegas) else 0.0
     after, m = np.empty_like(r), np.zeros(4, np.int64)
     lists = np.empty((4, r.size), np.int64)  # the absent, straight, turning, born; m of each
     for n in range(r.size):  # no branch here, which a processor would have to guess
         before = r[n]
         if not (0 <= before <= 2 and 0.0 <= u[n] < 1.0):
-            raise ValueError("motion.transition: a regime is not 0, 1, 2, or a draw not in [0, 1)")
+            raise ValueError("motion.transition: a regime r is not 0, 1, 2, or u not in [0, 1)")
         now = int(u[n] >= Pi[before, 0]) + int(u[n] >= Pi[before, 0] + Pi[before, 1])
         k = np.uint64(3 if (before == 0) & (now > 0) & redraw else now)
         after[n], lists[k, np.uint64(m[k])] = now, n

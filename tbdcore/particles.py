@@ -14,24 +14,38 @@ with one common random offset ``u``, and ``ancestors[m]`` is the particle that a
 Particle n gets floor(M W[n]) or floor(M W[n]) + 1 copies, M W[n] on average, and none if its weight
 is zero.  An arrow that rounding would carry past the end hits the last particle of positive weight.
 
-All functions raise ValueError for NaN, for shapes that do not fit and for indices out of range.
+All functions raise ValueError for shapes that do not fit and for indices out of range, and for NaN,
+but in states, histories and log-weights of particles: these are copied or refused as they stand.
 """
 
 import math
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tbdcore import checks, kernel
+from tbdcore.checks import Array, Integer, Integers, Number, Numbers, checked
+from tbdcore.jit import kernel
 
+__all__ = ["copy_particles", "existence_predict", "existence_update", "inherit", "normalise"]
+__all__ += ["systematic"]
+
+Probability = Annotated[float, Number(0.0, 1.0 + 1e-9)]  # sums of probabilities round
+Ancestors = Annotated[ArrayLike, Integers("M")]
 LEAST, MOST = 1e-200, 1e200  # sum of weights: beyond these the spacing of the arrows is lost
 
 
-def normalise(lw):
-    """Weights W (N,) that sum to one, and log(sum exp(lw) / N), from log-weights lw (N,) < inf."""
-    lw = checks.reals("log-weights", lw, "N")
+@checked
+def normalise(
+    lw: Annotated[ArrayLike, Numbers("N", low=None, single=True)],
+) -> tuple[Array, float]:
+    """Weights W (N,) that sum to one, and log(sum exp(lw) / N), from log-weights lw (N,) < inf.
+
+    A weight may be 0, its logarithm -inf, but not all; NaN is a ValueError.
+    """
     top = lw.max(initial=-np.inf)
     if not math.isfinite(top):
-        raise ValueError(f"log-weights: largest of {lw.size} is {top}; give finite ones or -inf")
+        raise ValueError(f"particles.normalise: largest lw of {lw.size} is {top}; give finite ones")
     with np.errstate(over="ignore"):  # a difference beyond 1e308 is -inf
         W = lw - top
     np.exp(W, out=W)
@@ -40,20 +54,20 @@ def normalise(lw):
     return W, float(top + np.log(total / lw.size))
 
 
-def existence_predict(P, p_birth, p_survive):
+@checked
+def existence_predict(P: Probability, p_birth: Probability, p_survive: Probability) -> float:
     """Probability of existence one frame ahead: a two-state Markov chain."""
-    for name, value in (("P", P), ("p_birth", p_birth), ("p_survive", p_survive)):
-        checks.number(f"existence: {name}", value, 0.0, 1.0 + 1e-9)  # sums of probabilities round
     return min(p_birth * (1.0 - P) + p_survive * P, 1.0)
 
 
-def existence_update(P, log_ratio):
+@checked
+def existence_update(
+    P: Annotated[float, Number(0.0, 1.0)], log_ratio: Annotated[float, Number(-math.inf, math.inf)]
+) -> float:
     """Probability of existence after a frame; log_ratio: log-likelihood ratio, present to absent.
 
-    P / (1 - P) is multiplied by exp(log_ratio); a certain P, 0 or 1, stays.
+    P / (1 - P) is multiplied by exp(log_ratio), 0 at -inf; a certain P, 0 or 1, stays.
     """
-    checks.number("existence: P", P, 0.0, 1.0)
-    checks.number("existence: log-likelihood ratio", log_ratio, -np.inf, np.inf)
     if P in (0.0, 1.0):
         return P
     if log_ratio > 0.0:
@@ -69,16 +83,20 @@ def systematic_spec(W, M, u):
     return np.minimum(np.searchsorted(C, (np.arange(M) + u) * (C[-1] / M), side="right"), last)
 
 
-@checks.typed
+@checked
 @kernel
-def systematic(W, M, u):
+def systematic(
+    W: Annotated[ArrayLike, Numbers("N", low=None)],
+    M: Annotated[int, Integer(0)],
+    u: Annotated[float, Number(0.0, 1.0 - 2.0**-53)],
+) -> Array:
     """Systematic resampling: the ancestors (M,), ascending; u : offset in [0, 1), one draw.
 
     W : (N,) weights, finite, none negative, one at least positive; they need not sum to one.
     """
     total = _total(W)
     if not LEAST <= total <= MOST:
-        raise ValueError("weights: one is negative, NaN or infinite, or all are 0; correct them")
+        raise ValueError("particles.systematic: W has a negative weight or NaN, or is all 0")
     return _arrows(W, total, M, u)
 
 
@@ -94,8 +112,6 @@ def _total(W):
 @kernel
 def _arrows(W, total, M, u):
     """Ancestor of each arrow: the number of particles whose end, the cumulative sum, is before."""
-    if not (M >= 0 and 0.0 <= u < 1.0):
-        raise ValueError("resampling: M is negative, or the offset u is not in [0, 1)")
     last = W.size - 1
     while last > 0 and W[last] <= 0.0:
         last -= 1
@@ -120,23 +136,25 @@ def copy_particles_spec(r, S, ancestors):
     return r, S, np.bincount(r, minlength=3), mean
 
 
-@checks.typed
+@checked
 @kernel
-def copy_particles(r, S, ancestors):
+def copy_particles(
+    r: Annotated[ArrayLike, Integers("N")],
+    S: Annotated[ArrayLike, Numbers("N", "d", low=None)],
+    ancestors: Ancestors,
+) -> tuple[Array, Array, Array, Array]:
     """Copies of the ancestors (M,); r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states.
 
     Returns regimes (M,), states (M, d), the number in each regime (3,), and the mean state (d,) of
-    those present, NaN if none is: Miao and Chen's equations (11) and (12).
+    those present, NaN if none is: equations (11) and (12) of Miao and Chen.
     """
-    if len(S) != r.size:
-        raise ValueError("particles: give regimes (N,), states (N, d), ancestors (M,)")
     M, d = ancestors.size, S.shape[1]
     regimes, states = np.empty(M, r.dtype), np.empty((M, d))
     counts, total = np.zeros(3, np.int64), np.zeros(d)
     for m in range(M):
         n = np.uint64(ancestors[m])  # unsigned: a negative one is too large, no index from the end
         if not (n < np.uint64(r.size) and 0 <= r[n] <= 2):
-            raise ValueError("particles: regimes must be 0, 1 or 2, ancestors 0 to N - 1")
+            raise ValueError("particles: regimes r must be 0, 1 or 2, ancestors 0 to N - 1")
         a = regimes[m] = r[n]
         counts[a] += 1
         for i in range(d):
@@ -157,21 +175,24 @@ def inherit_spec(H, age, ancestors, births):
     )
 
 
-@checks.typed
+@checked
 @kernel
-def inherit(H, age, ancestors, births):
+def inherit(
+    H: Annotated[ArrayLike, Numbers("window", "s", "N", low=None)],
+    age: Annotated[ArrayLike, Integers("N")],
+    ancestors: Ancestors,
+    births: Annotated[int, Integer(0)],
+) -> tuple[Array, Array]:
     """History and age after resampling: those of the ancestors (M,), then those of new particles.
 
     H : (window, s, N), s samples a frame; age : (N,) frames recorded since birth; births : number
     of particles without a history.  Returns new arrays, (window, s, M + births) and (M + births,).
     """
-    if age.size != H.shape[2] or births < 0:
-        raise ValueError("history: give H (window, s, N), age (N,), births of at least 0")
     M, size = ancestors.size, ancestors.size + births
     moved, older = np.empty((H.shape[0], H.shape[1], size)), np.zeros(size, age.dtype)
     for m in range(M):
         if not 0 <= ancestors[m] < age.size:
-            raise ValueError("history: an ancestor is not in 0 to N - 1")
+            raise ValueError("particles.inherit: ancestors must be 0 to N - 1")
         older[m] = age[np.uint64(ancestors[m])]  # unsigned: no test for an index from the end
     for i in range(H.shape[0]):
         for j in range(H.shape[1]):

@@ -318,13 +318,13 @@ def test_bound_is_the_kalman_covariance_when_every_plot_arrives():
         A @ np.swapaxes(A, 1, 2) + np.eye(4),
         np.broadcast_to(np.kron(np.eye(2), [[1.0, 2.0], [0.0, 1.0]]), (5, 2, 4, 4)),
     )
-    R = np.broadcast_to(np.diag([3.0, 5.0]), (6, 2, 2, 2))
+    R = np.arange(1.0, 7.0)[:, None, None, None] * np.diag([3.0, 5.0]) * np.ones((2, 1, 1))
     bound, H = kalman.position_bound(F, R, P, 1.0), np.eye(4)[::2]
     for t in range(2):
         cov = P[t]
         for k in range(5):
-            x, cov = kalman.predict(np.zeros(4), cov, F[k, t], 0.0)
-            cov = kalman.update(x, cov, np.zeros(2), H, R[k, t])[1]
+            x, cov = kalman.predict(np.zeros(4), cov, F[k, t], np.zeros((4, 4)))
+            cov = kalman.update(x, cov, np.zeros(2), H, R[k + 1, t])[1]
         np.testing.assert_allclose(bound[-1, t], cov, rtol=1e-9)
 
 

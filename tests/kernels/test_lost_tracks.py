@@ -47,6 +47,19 @@ def test_kept_rmse_and_its_error():
     np.testing.assert_allclose(error, np.std(resampled, axis=0), rtol=0.25)  # 200: 5 %, 5 sigma
 
 
+def test_the_influence_of_each_trial_is_a_derivative():
+    """That of trial i: n times the change of the RMSE by the share of i, with the others kept."""
+    rng, step = np.random.default_rng(2), 1e-6
+    e, kept = rng.normal(size=(5, 1, 1, 2)), np.array([[True], [True], [False], [True], [False]])
+    rmse, influence = score.kept_rmse(e, kept)
+    for i in range(5):
+        share = np.full(5, (1 - step) / 5)
+        share[i] += step
+        share = share[:, None] * kept[:, 0, None]
+        more = np.sqrt((share * e[:, 0, 0] ** 2).sum(axis=0) / share.sum(axis=0))
+        np.testing.assert_allclose(influence[i, 0, 0], (more - rmse[0, 0]) / step, atol=1e-5)
+
+
 def test_no_kept_trial_is_nan():
     rmse, _ = score.kept_rmse(np.ones((3, 2, 1, 2)), np.zeros((3, 1), bool))
     assert np.isnan(rmse).all()

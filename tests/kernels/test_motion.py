@@ -130,9 +130,9 @@ def test_redrawn_turn_rates_are_uniform_on_their_intervals():
 
 @pytest.mark.parametrize(
     "Pi",
-    [[[0.9, 0.2], [0.5, 0.5]], [[1.1, -0.1], [0.5, 0.5]], [[1.0, 0.0]], [[np.nan, 1.0], [0, 1]]],
+    [[[0.9, 0.2], [0.5, 0.5]], [[1.1, -0.1], [0.5, 0.5]], [[1.0, 0.0]], np.empty((0, 0))],
 )
 def test_bad_transitions_are_refused_in_one_line(Pi):
-    with pytest.raises(ValueError, match="transition matrix") as error:
+    with pytest.raises(ValueError, match="check_transitions: Pi") as error:
         motion.check_transitions(Pi)
     assert "\n" not in str(error.value)

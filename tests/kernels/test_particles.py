@@ -17,7 +17,7 @@ def test_normalise_survives_what_would_overflow():
 
 @pytest.mark.parametrize("lw", [[], [-np.inf, -np.inf], [0.0, np.nan], [0.0, np.inf]])
 def test_normalise_refuses_in_one_line(lw):
-    with pytest.raises(ValueError, match="log-weights") as error:
+    with pytest.raises(ValueError, match="largest lw of") as error:
         particles.normalise(lw)
     assert "\n" not in str(error.value)
 
@@ -123,8 +123,8 @@ def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
 @pytest.mark.parametrize(("regime", "ancestor"), [(3, 0), (-1, 0), (0, 2), (0, -1)])
 def test_a_regime_or_an_ancestor_out_of_range_is_refused(regime, ancestor):
     r, H = np.array([regime, 1]), np.ones((1, 1, 2))
-    with pytest.raises(ValueError, match="regimes must be"):
+    with pytest.raises(ValueError, match="regimes r must be"):
         particles.copy_particles(r, np.ones((2, 5)), np.array([1, ancestor]))
     if regime == 0:
-        with pytest.raises(ValueError, match="ancestor"):
+        with pytest.raises(ValueError, match="ancestors must be"):
             particles.inherit(H, np.ones(2, int), np.array([1, ancestor]), 0)

@@ -48,3 +48,10 @@ def test_a_column_of_right_numbers_rarely_differs_and_a_shifted_one_does():
     assert shift == 1.0
     np.testing.assert_allclose(se, math.sqrt(5 * 0.01 * 0.7))
     assert p < 1e-4
+
+
+def test_the_rounding_of_a_printed_column_adds_its_uniform_variance():
+    """Half h: h**2 / 3, so that a difference of one standard deviation has z = 1, p = 0.317."""
+    shift, se, z, p = score.column_test([0.2], [0.0], [[0.01]], 0.0, half=0.3)
+    np.testing.assert_allclose((shift, se, z), (0.2, 0.2, 1.0))
+    np.testing.assert_allclose(p, 0.31731, atol=1e-5)

@@ -1,0 +1,25 @@
+"""A valid call of each public function of ``baseline``, for the contract of arguments."""
+
+import numpy as np
+
+FRAMES = np.arange(60.0).reshape(3, 4, 5) % 7
+FREE = {("matched_filter", "frames"), ("brightest", "frames"), ("masked_rmse", "error")}
+
+
+def hits():
+    return np.array([[True, False, True, True], [False, False, True, False]])
+
+
+EXAMPLES = {
+    "matched_filter": lambda: {"frames": FRAMES.copy(), "blur": np.array([0.5, 1.0])},
+    "brightest": lambda: {"frames": FRAMES.copy()},
+    "m_of_n": lambda: {"hits": hits(), "m": 2, "n": 3},
+    "m_of_n_probability": lambda: {"p": np.array([0.0, 0.25, 1.0]), "m": 2, "n": 3},
+    "delay": lambda: {"hits": hits(), "start": 1},
+    "kept_share": lambda: {"hits": hits(), "start": 0},
+    "mean_se": lambda: {"x": np.array([[1.0, 2.0], [3.0, 5.0], [4.0, 4.0]])},
+    "masked_rmse": lambda: {
+        "error": np.array([[1.0, 2.0], [3.0, 5.0]]),
+        "mask": np.array([[True, False], [True, True]]),
+    },
+}

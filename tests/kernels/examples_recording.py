@@ -1,0 +1,61 @@
+"""A valid call of each public function of ``recording``, for the contract of arguments."""
+
+import numpy as np
+from scipy import stats
+
+from tbdcore.recording import Level
+
+FREE = {
+    (f, "frames")
+    for f in ("level", "background", "clipped", "normalise", "normal_scores", "log_ratio", "blocks")
+}
+FREE |= {(f, "frames") for f in ("plots", "blur_of", "bin_cells", "inject")}
+FREE |= {("empirical_law", "noise"), ("inject", "path")}
+
+
+def frames(*shape):
+    return np.random.default_rng(1).standard_normal(shape or (12, 6, 7)) + 3.0
+
+
+EXAMPLES = {
+    "level": lambda: {"frames": frames()},
+    "background": lambda: {"frames": frames()},
+    "clipped": lambda: {"frames": frames(), "law": "gaussian", "size": 5},
+    "normalise": lambda: {"frames": frames(), "at": Level(3.0, 1.0)},
+    "empirical_law": lambda: {"noise": frames(3, 30, 30), "tail": 0.125},
+    "normal_scores": lambda: {"frames": frames(), "law": stats.norm(3.0, 1.0)},
+    "log_ratio": lambda: {
+        "frames": frames(),
+        "law": stats.norm(3.0, 1.0),
+        "strength": 2.0,
+        "adds": True,
+    },
+    "blocks": lambda: {"frames": frames(40, 3, 3), "K": 4, "step": 1},
+    "threshold": lambda: {
+        "peaks": np.arange(80.0).reshape(40, 2),
+        "p_false": 0.125,
+        "independent": 30,
+    },
+    "plots": lambda: {
+        "frames": frames(1, 6, 7),
+        "eta": 4.0,
+        "law": "gaussian",
+        "origin": np.array([1000.0, 0.5]),
+        "cell": np.array([10.0, 0.25]),
+    },
+    "merge_plots": lambda: {"scan": np.array([[0.0, 0, 1], [3, 0, 5], [9, 0, 2]]), "distance": 4.0},
+    "blur_of": lambda: {"frames": frames(20, 12, 12), "law": "gaussian", "eta": 4.0, "half": 2},
+    "bin_cells": lambda: {"frames": frames(), "n": 2},
+    "inject": lambda: {
+        "frames": frames(3, 6, 7),
+        "path": np.array([[1.0, 2.0], [2.0, 2.5], [3.0, 3.0]]),
+        "strength": 4.0,
+        "blur": 0.5,
+        "rng": np.random.default_rng(1),
+    },
+    "found_share": lambda: {
+        "found": lambda strength, n: n < strength,
+        "strengths": np.array([1.0, 3.0]),
+        "trials": 4,
+    },
+}

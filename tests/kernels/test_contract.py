@@ -1,0 +1,250 @@
+"""One contract for the arguments of every public function of the core.
+
+``examples_<module>.py`` has a valid call of each: EXAMPLES[function]() are its arguments by name.
+FREE lists the arguments in which NaN or infinity has a meaning, which the docstring states.
+"""
+
+import importlib
+import inspect
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+HERE = Path(__file__).parent
+CHECKED = sorted(path.stem.removeprefix("examples_") for path in HERE.glob("examples_*.py"))
+
+
+def public_functions():
+    for name in CHECKED:
+        module = importlib.import_module(f"tbdcore.{name}")
+        for function in module.__all__:
+            if inspect.isfunction(getattr(module, function)):
+                yield f"{name}.{function}"
+
+
+FUNCTIONS = list(public_functions())
+ABOUT = {name: importlib.import_module(f"examples_{name}") for name in CHECKED}
+
+
+def function_and_example(name):
+    module, function = name.split(".")
+    return getattr(importlib.import_module(f"tbdcore.{module}"), function), ABOUT[module].EXAMPLES[
+        function
+    ]
+
+
+def free(name, argument):
+    module, function = name.split(".")
+    return (function, argument) in ABOUT[module].FREE
+
+
+def flat(result):
+    """Everything a function returned, as a list of arrays."""
+    parts = result if isinstance(result, tuple) else (result,)
+    return [np.asarray(part) for part in parts]
+
+
+def same(ours, theirs, **tolerance):
+    pairs = list(zip(flat(ours), flat(theirs), strict=True))
+    return all(
+        a.shape == b.shape and np.allclose(a, b, equal_nan=True, **tolerance) for a, b in pairs
+    )
+
+
+def outcome(function, arguments):
+    """The result, or the message of one line; after a refusal all arrays are as they were."""
+    arrays = {k: v for k, v in arguments.items() if isinstance(v, np.ndarray)}
+    before = {k: v.copy() for k, v in arrays.items()}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return function(**arguments), None
+        except ValueError as error:
+            message = str(error)
+    assert len(message.splitlines()) == 1, message
+    for key, value in arrays.items():
+        np.testing.assert_array_equal(value, before[key], err_msg=f"{key} was changed: {message}")
+    return None, message
+
+
+def arguments_of(example, kind):
+    """Names and values of the arguments of one kind."""
+    return [(k, v) for k, v in example().items() if isinstance(v, kind)]
+
+
+def names(message, argument):
+    """Whether it is a refusal that names the argument."""
+    return message is not None and re.search(rf"\b{argument}\b", message)
+
+
+def numeric(value):
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+
+
+def test_every_public_function_has_an_example():
+    assert {f"{m}.{f}" for m in CHECKED for f in ABOUT[m].EXAMPLES} == set(FUNCTIONS)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_keywords_and_fresh_memory_do_not_matter(name):
+    function, example = function_and_example(name)
+    expected, message = outcome(function, example())
+    assert message is None
+    arguments = example()
+    junk = [np.full(size, np.nan) for size in (2, 4, 16, 64, 256, 1024, 4096) for _ in range(20)]
+    del junk  # what NumPy hands out next is not zero
+    given = [arguments[parameter] for parameter in inspect.signature(function).parameters
+             if parameter in arguments]  # fmt: skip
+    assert same(function(*given), expected, rtol=0, atol=0)
+
+
+def strided(a):
+    """The values in every second place of a larger array."""
+    wide = np.full((*a.shape[:-1], 2 * a.shape[-1]), np.zeros(1, a.dtype)[0])
+    wide[..., ::2] = a
+    return wide[..., ::2]
+
+
+def read_only(a):
+    a = a.copy()
+    a.flags.writeable = False
+    return a
+
+
+LAYOUTS = {
+    "Fortran order": np.asfortranarray,
+    "strided": strided,
+    "read-only": read_only,
+    "list": np.ndarray.tolist,
+    "table": lambda a: pd.DataFrame(a) if a.ndim == 2 else a.tolist(),
+    "mask that hides nothing": np.ma.array,
+    "other byte order": lambda a: a.astype(a.dtype.newbyteorder()),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_any_layout_works(name):
+    function, example = function_and_example(name)
+    expected, _ = outcome(function, example())
+    for argument, a in arguments_of(example, np.ndarray):
+        for kind, layout in LAYOUTS.items():
+            result, message = outcome(function, example() | {argument: layout(a.copy())})
+            where = f"{argument} as {kind}: {message}"
+            if message and "changed in place" in message:
+                assert argument in message
+                continue
+            assert message is None, where
+            assert same(result, expected, rtol=1e-12, atol=0), where
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_float32_and_integers_are_their_values(name):
+    function, example = function_and_example(name)
+    for argument, a in arguments_of(example, np.ndarray):
+        kinds = [(np.float32, 1e-3)] if a.dtype.kind == "f" else [(np.int32, 0), (np.uint64, 0)]
+        kinds += [(np.int32, 0)] * bool(a.dtype == float and np.isfinite(a).all())
+        for kind, rtol in kinds:
+            narrow = (a if kind == np.float32 else np.rint(a)).astype(kind)
+            wide = narrow.astype(a.dtype)
+            ours, message = outcome(function, example() | {argument: narrow})
+            theirs, refusal = outcome(function, example() | {argument: wide})
+            if message is None or refusal is None:
+                in_place = message is not None and "changed in place" in message
+                assert in_place or same(ours, theirs, rtol=rtol, atol=1e-6), (
+                    argument,
+                    kind,
+                    message,
+                )
+
+
+def hiding(a):
+    mask = np.zeros(a.shape, bool)
+    mask.flat[:1] = True
+    return np.ma.array(a, mask=mask)
+
+
+ODD = {
+    "mask": hiding,
+    "text": lambda a: a.astype(str),
+    "complex": lambda a: a.astype(complex),
+    "nothing": lambda a: None,
+    "ragged": lambda a: [[1.0], [2.0, 3.0]],
+    "objects": lambda a: np.full(a.shape, None),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_what_is_no_array_of_numbers_is_refused(name):
+    function, example = function_and_example(name)
+    for argument, a in arguments_of(example, np.ndarray):
+        for kind, odd in ODD.items():
+            if a.size or kind in ("nothing", "ragged"):
+                _, message = outcome(function, example() | {argument: odd(a)})
+                assert names(message, argument), (argument, kind, message)
+
+
+def any_axes(function, argument):
+    """Whether leading axes of any number are stacks, so that one more is valid."""
+    rule = getattr(inspect.signature(function).parameters[argument].annotation, "__metadata__", [0])
+    return getattr(rule[0], "any_axes", False)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_wrong_shapes_are_refused(name):
+    function, example = function_and_example(name)
+    for argument, a in arguments_of(example, np.ndarray):
+        shapes = [] if any_axes(function, argument) else [a[None], a.reshape(-1)[:1].reshape(())]
+        for wrong in shapes:
+            _, message = outcome(function, example() | {argument: wrong})
+            assert names(message, argument), (argument, wrong.shape)
+        for axis in range(a.ndim):
+            for longer in (np.concatenate([a, a], axis=axis), a.take([], axis=axis)):
+                outcome(function, example() | {argument: longer})  # one line, or a result
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_nan_and_infinity_are_refused_or_documented(name):
+    function, example = function_and_example(name)
+    module = importlib.import_module(function.__module__)
+    for argument, a in arguments_of(example, (np.ndarray, float)):
+        if np.asarray(a).dtype.kind != "f" or not np.size(a):
+            continue
+        for value in (np.nan, np.inf, -np.inf):
+            for place in {0, np.size(a) - 1}:
+                b = np.array(a)
+                b.flat[place] = value
+                b = b if isinstance(a, np.ndarray) else float(b)
+                _, message = outcome(function, example() | {argument: b})
+                if free(name, argument):
+                    text = f"{module.__doc__} {function.__doc__}"
+                    assert re.search(r"NaN|inf|finite|anything", text), argument
+                else:
+                    assert names(message, argument), (
+                        argument,
+                        value,
+                        message,
+                    )
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_scalars(name):
+    function, example = function_and_example(name)
+    expected, _ = outcome(function, example())
+    for argument, value in example().items():
+        if isinstance(value, bool):
+            for odd in ("True", None, 2, np.nan):
+                _, message = outcome(function, example() | {argument: odd})
+                assert names(message, argument), (argument, odd)
+        if not numeric(value):
+            continue
+        for good in (np.array(value)[()], np.array(value)):
+            result, message = outcome(function, example() | {argument: good})
+            assert message is None
+            assert same(result, expected, rtol=0, atol=0), argument
+        for odd in (str(value), None, np.ma.masked, 1j, [value, value], {}):
+            _, message = outcome(function, example() | {argument: odd})
+            assert names(message, argument), (argument, odd, message)
