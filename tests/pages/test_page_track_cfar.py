@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import detection, kalman, score
+from tbdcore import detection, kalman, misfit, score
 from tbdcore.repro import claims, pages, trials
 
 
@@ -55,6 +55,11 @@ def scans_of(page, p, scene):
         np.array([[*plot, power]])
         for plot, power in zip(plots_of(page, p, scene), lam, strict=True)
     ]
+
+
+def followed(page, scans, p, **options):
+    """`run` for plots that contradict the scenario, of which it would warn."""
+    return page.follow(page.begin(scans[:2], p), scans[2:], p, **options)
 
 
 def same_flight(slow, fast, p):
@@ -176,7 +181,7 @@ def test_compiled_flight_equals_run_at_the_ends_of_the_ranges(page, p, change, c
     """Where the cap on eq. (13) acts from the first frame on; a counter of 1 or of 10 states."""
     p = replace(p, **change)
     scene = quiet_scene(page, p)
-    slow = page.run(scans_of(page, p, scene), p)
+    slow = followed(page, scans_of(page, p, scene), p)
     same_flight(slow, page.fly(scene, page.truth(p), page.design(p)), p)
     assert (slow[0].eta == 0) == capped
 
@@ -345,7 +350,7 @@ def test_threshold_has_its_floor(page, p):
 def test_the_initial_fall_of_the_threshold_needs_no_trial(page, p):
     """Plots without noise, one in each scan: the row is constructed, as its mirror in P_f is."""
     scans = [np.array([[*plot, 1e9]]) for plot in page.truth(p)]
-    eta = np.array([t.eta for t in page.run(scans, p)])[:61]
+    eta = np.array([t.eta for t in followed(page, scans, p)])[:61]
     assert eta[0] == pytest.approx(1.4988, abs=5e-5)
     assert (eta.argmin(), eta.min()) == (2, pytest.approx(1.2142, abs=5e-5))
     rows = claims.read("track_cfar")
@@ -746,3 +751,62 @@ def test_another_detector_and_a_constant_threshold(page, p):
     assert {t.eta for t in given(p_cell=1e-3)} == {-math.log(1e-3)}
     twice = given(threshold=lambda P_f: 2 * detection.threshold(P_f))
     assert math.isclose(twice[0].eta, 2 * given()[0].eta)
+
+
+# Plots that contradict what `run` was told --------------------------------------------------------
+
+TOLD = {
+    "no plot of 3 scans": [
+        lambda scans: {"accuracy": (0.1, 2e-5)},
+        lambda scans: {"start": (np.array([9e3, 90.0, 20e3, -120.0]), np.diag([100.0, 1, 100, 1]))},
+    ],
+    "the gate is wider": [
+        lambda scans: {"scans": scaled(scans, [1e-3, 1, 1]), "p": {"bandwidth": 150.0}},
+        lambda scans: {"T": np.full(len(scans) - 1, 4e3)},
+    ],
+    "range: residuals are 0.0": [lambda scans: {"accuracy": (300.0, 0.002)}],
+    "range: residuals are 2": [
+        lambda scans: {"accuracy": (2.5, 0.002), "p": {"sigma_p": 0.1, "gate_g": 6.0}}
+    ],
+    r"azimuth: residuals are \d\S+e-\d+ of": [
+        lambda scans: {"scans": [np.array([[2e4 + 9 * (-1) ** k, 0.4, 30.0]]) for k in range(40)]}
+    ],
+    r"noise level of the plots is \+1": [lambda scans: {"scans": scaled(scans, [1, 1, 1.3])}],
+    "noise level of the plots is -": [
+        lambda scans: {"scans": [np.column_stack([s[:, :2], (2 * s[:, 2]) ** 0.5]) for s in scans]}
+    ],
+    "times as many plots in the gate": [
+        lambda scans: {"scans": [np.vstack([cells, *[cells[1:]] * 19]) for cells in scans]}
+    ],
+}
+
+
+def scaled(scans, factors):
+    return [cells * factors for cells in scans]
+
+
+def told(page, scans, p=(), accuracy=(10.0, 0.002), **options):
+    return page.run(**({"scans": scans} | options), p=mine(page, **dict(p)), accuracy=accuracy)
+
+
+@pytest.mark.parametrize(("line", "made"), [(line, f) for line, fs in TOLD.items() for f in fs])
+def test_plots_that_contradict_what_was_told_are_named_in_a_line(page, line, made):
+    scans, _ = my_scans()
+    with pytest.warns(misfit.Misfit, match=rf"^(\d+ )?{line}") as warned:
+        told(page, **({"scans": scans} | made(scans)))
+    assert len(warned) == 1
+    assert "\n" not in str(warned[0].message)
+    assert warned[0].filename == __file__
+
+
+def test_plots_that_fit_warn_in_two_of_a_hundred_runs_at_most(page):
+    """An error is raised at the second; also where the target is weak, or goes."""
+    warned = 0
+    for seed in range(60):
+        scans, _ = my_scans(24, seed)
+        scans = [cells[i > 20 - seed % 20 and i > 1 :] for i, cells in enumerate(scans)]
+        try:
+            told(page, scans)
+        except misfit.Misfit:
+            warned += 1
+    assert warned <= 1
