@@ -812,3 +812,13 @@ def test_plots_that_fit_warn_in_two_of_a_hundred_runs_at_most(page):
         except misfit.Misfit:
             warned += 1
     assert warned <= 1
+
+
+def test_a_track_without_a_target_is_no_contradiction(page):
+    """The control that the guide asks for: a start, then scans without the target."""
+    scans, _ = my_scans(12)
+    track = page.start(mine(page), scans, (10.0, 0.002))
+    without = [cells[1:] + [3e3, 0.0, 0.0] for cells in scans[2:]]
+    assert told(page, without, start=track)[-1].misses == 3
+    with pytest.warns(misfit.Misfit, match="^no plot of 3 scans"):
+        told(page, [*scans[:2], *without])
