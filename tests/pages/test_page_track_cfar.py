@@ -606,7 +606,7 @@ def test_each_plot_has_a_gate_and_a_threshold_of_its_own(page, p):
 
 def test_gates_of_mixed_accuracies_have_the_false_alarms_of_one(page, p):
     """Every cell drawn, half of the plots ten times as accurate: P_Z false plots are found."""
-    rng, n = np.random.default_rng(5), 3000
+    rng, n = np.random.default_rng(5), 1500
     track = page.Track(np.array([2e5, 0.0, 0.0, 300.0]), np.diag([400.0**2, 1.0, 3e3**2, 1.0]))
     at, i = page.predict(track, p), np.mgrid[-30:31, -5:6].reshape(2, -1).T
     found = 0
