@@ -10,15 +10,25 @@ No ``fastmath``, no threads: a sum has the same bits for every number of workers
 kind of CPU differs in the last ones at most.
 """
 
+from importlib import import_module
+from pkgutil import iter_modules
+
+from tbdcore.jit import kernel
+
 __version__ = "1.0.0"
+_MODULES = [module.name for module in iter_modules(__path__) if not module.ispkg]
+__all__ = ["begin", "kernel", "page", *_MODULES]
 
 
-def kernel(function):
-    """Compile a function.  No disk cache in a notebook: it would not see that a callee changed."""
-    from numba import njit
+def __getattr__(name):
+    """A module of the core, loaded when it is first asked for."""
+    if name in _MODULES:
+        return import_module(f"tbdcore.{name}")
+    raise AttributeError(f"module 'tbdcore' has no attribute {name!r}")
 
-    cache = function.__module__ != "__main__"
-    return njit(cache=cache, error_model="numpy")(function)
+
+def __dir__():
+    return sorted(__all__)
 
 
 def begin(paper, namespace):

@@ -36,7 +36,7 @@ import math
 
 import numpy as np
 
-from tbdcore import kernel
+from tbdcore.jit import kernel
 
 MAX_TRACKS = 16  # tracks in one joint association: 2^16 subsets per plot, 0.5 MB a plot
 

@@ -1,110 +1,284 @@
 """Checks of what a caller passes: a wrong argument is a ValueError of one line that names it.
 
-A compiled loop would read outside its arrays, or raise Numba's own error of many lines.
+A public function has the rule of each argument in its annotation, and ``checked`` applies them:
+
+    Frame = Annotated[ArrayLike, Numbers("n_x", "n_y", low=0.0)]
+    States = Annotated[ArrayLike, Numbers("N", 5)]
+
+    @checked
+    @kernel
+    def log_ratio(z: Frame, S: States, noise: Annotated[float, Number(0.0, 1e9)]) -> Array: ...
+
+Rules for arrays take what NumPy makes an array of: lists, DataFrames, any memory order and real
+type.  A word in a shape is any size, the same for all arguments of a call; "N+1" is one more, and a
+leading ``...`` stands for any axes.  Text, complex numbers, masks that hide cells and, unless a
+rule says otherwise, NaN and infinity are refused.  ``number``, ``numbers``, ``integer`` and
+``integers`` apply one rule to one value.
 """
 
 import functools
+import inspect
 import operator
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import typeof
-from numba.core.errors import NumbaError
 
-from tbdcore import kernel
+from tbdcore.jit import kernel
 
-_FLOATS, _INT = (np.dtype(np.float64), np.dtype(np.float32)), np.dtype(np.int64)
+__all__ = ["Flag", "Integer", "Integers", "Number", "Numbers", "Random"]
+__all__ += ["array", "checked", "integer", "integers", "number", "numbers"]
+
+MOST = float(np.finfo(float).max)
+_DOUBLE, _SINGLE, _INT = np.dtype(float), np.dtype(np.float32), np.dtype(np.int64)
+Array = np.ndarray
+Function = TypeVar("Function", bound=Callable)
 
 
-def typed(compiled, inside=None):
-    """The kernel; what Numba cannot compile is a ValueError.  Other kernels call ``inside``."""
+def checked(function: Function | None = None, *, inside: Any = None) -> Any:
+    """Apply the rules in the annotations of a function, compiled or not, to its arguments.
 
-    @functools.wraps(compiled.py_func)
-    def call(a, b, *args):
-        try:
-            if type(a) is not list and type(b) is not list:  # on which Numba warns
-                return compiled(a, b, *args)
-        except (NumbaError, OverflowError):
-            pass
-        name = f"{call.__module__}.{call.__name__}".removeprefix("tbdcore.")
-        raise ValueError(f"{name}: arguments of another type or shape; see help()")
+    Kernels that call it get the compiled function without these checks: ``inside``, if given.
+    A compiled function gets arrays in C order that it may write to.
+    """
+    if function is None:
+        return functools.partial(checked, inside=inside)
+    plain = getattr(function, "py_func", function)
+    compiled = inside or (None if plain is function else function)
+    signature = inspect.signature(plain)
+    where = f"{plain.__module__}.{plain.__name__}".removeprefix("tbdcore.")
+    rules = [
+        (*getattr(p.annotation, "__metadata__", (_any,)), f"{where}: {p.name}")
+        for p in signature.parameters.values()
+    ]
 
-    call.py_func, call.stats = compiled.py_func, compiled.stats
-    call._numba_type_ = typeof(inside or compiled)
+    @functools.wraps(plain)
+    def call(*args, **named):
+        if named or len(args) != len(rules):
+            bound = signature.bind(*args, **named)
+            bound.apply_defaults()
+            args = bound.args
+        sizes: dict = {}
+        values = zip(rules, args, strict=True)
+        return function(*[rule(name, a, sizes, compiled) for (rule, name), a in values])
+
+    if compiled:
+        call.stats, call._numba_type_ = compiled.stats, typeof(compiled)
+    if function is not plain:
+        call.py_func = plain
     return call
 
 
-def plain(name, values):
-    """The values as an array; a masked one is a ValueError, since its mask would be lost."""
-    parts = values if isinstance(values, (list, tuple)) else (values,)
-    if type(values) is not np.ndarray and any(isinstance(x, np.ma.MaskedArray) for x in parts):
+def _any(name, value, sizes, compiled):
+    """The rule of an argument that the function checks itself."""
+    return value
+
+
+class Numbers:
+    """Rule: an array of real numbers in [low, high]; float64, or float32 where ``single``.
+
+    low=None takes any value, infinity and NaN too; ``nan`` takes NaN beside [low, high].
+    ``in_place``: the function writes to the array, which is never a copy.
+    """
+
+    dtype, kinds, wanted = _DOUBLE, "fiu", "real numbers"
+
+    def __init__(self, *shape, low=-MOST, high=MOST, nan=False, single=False, in_place=False):
+        self.any_axes = shape[:1] == (...,)
+        self.shape = [_size(size) for size in shape[self.any_axes :]]
+        self.words = ", ".join(map(str, shape)).replace("Ellipsis", "...") + "," * (len(shape) == 1)
+        self.low, self.high, self.nan = None if low is None else float(low), float(high), nan
+        self.single, self.in_place = single, in_place
+
+    def __call__(self, name, values, sizes, compiled=None):
+        a = values
+        if type(a) is not Array or not (
+            a.dtype is self.dtype or (self.single or self.in_place) and a.dtype is _SINGLE
+        ):
+            a = self._converted(name, values)
+        if (compiled or self.in_place) and not a.flags.carray:
+            a = self._in_order(name, a)
+        found = a.shape[len(a.shape) - len(self.shape) :] if self.any_axes else a.shape
+        if len(found) != len(self.shape) or not self._fits(found, sizes):
+            known = ", ".join(f"{k} = {v}" for k, v in sizes.items() if k in self.words)
+            known = f" with {known}" if known else ""
+            raise ValueError(f"{name}: shape {a.shape} is not ({self.words}){known}; reshape it")
+        if self.low is not None and _outside(a.reshape(-1), self.low, self.high, self.nan):
+            self._refuse(name, a)
+        return a
+
+    def _converted(self, name, values):
+        """The values as an array of the rule's type."""
+        if self.in_place:
+            raise ValueError(f"{name}: changed in place; give an array of floats")
+        a = array(name, values)
+        if a.size and a.dtype.kind not in self.kinds:
+            raise ValueError(f"{name}: values of type {a.dtype}; give {self.wanted}")
+        keep = a.dtype == _SINGLE and self.single
+        with np.errstate(over="ignore"):  # of a wider type: infinity, which is refused
+            converted = a.astype(_SINGLE if keep else self.dtype, copy=False)
+        if a.dtype.kind == "u" and (converted != a).any():
+            raise ValueError(f"{name}: an integer above 2**63; give smaller ones")
+        return converted
+
+    def _in_order(self, name, a):
+        if not self.in_place:
+            return np.array(a, order="C")
+        if not a.flags.writeable:
+            raise ValueError(f"{name}: changed in place, but read-only; give a copy")
+        return a
+
+    def _fits(self, found, sizes):
+        for size, (word, more) in zip(found, self.shape, strict=True):
+            if size != (sizes.setdefault(word, size - more) + more if word else more):
+                return False
+        return True
+
+    def _refuse(self, name, a):
+        at = np.argwhere(~((a >= self.low) & (a <= self.high) | (self.nan & (a != a))))[0].tolist()
+        limits = "finite" if self.high == -self.low == MOST else f"in [{self.low:g}, {self.high:g}]"
+        raise ValueError(f"{name}{at or ''}: {a[tuple(at)]:g} is not {limits}")
+
+
+class Integers(Numbers):
+    """Rule: an array of integers (int64) in [low, high]; low=None: any."""
+
+    dtype, kinds, wanted = _INT, "iu", "integers"
+
+
+def _size(size):
+    """A size as (word, more): ("N", 1) of "N+1", (None, 5) of 5."""
+    if isinstance(size, int):
+        return None, size
+    word, sign, more = size.replace("-", "+-").partition("+")
+    return word, int(more) if sign else 0
+
+
+class Number:
+    """Rule: a real number in [low, high]; a float."""
+
+    def __init__(self, low=-MOST, high=MOST):
+        self.low, self.high = low, high
+
+    def __call__(self, name, value, sizes=None, compiled=None):
+        x = value
+        if isinstance(x, np.generic) or type(x) is Array and not x.ndim:
+            x = x.item()  # float32 has other limits
+        real = isinstance(x, (float, np.floating)) or isinstance(x, int) and abs(x) <= MOST
+        if not (real and self.low <= x <= self.high):
+            raise ValueError(f"{name}: {_short(value)} is no number {self._limits()}")
+        return float(x)
+
+    def _limits(self):
+        if self.high == -self.low == MOST:
+            return "that is finite"
+        return f"in [{self.low:g}, {self.high:g}]"
+
+
+class Integer:
+    """Rule: an integer in [low, high]; an int."""
+
+    def __init__(self, low, high=2**63 - 1):
+        self.low, self.high = low, high
+
+    def __call__(self, name, value, sizes=None, compiled=None):
+        try:
+            n = operator.index(value)
+        except TypeError:
+            n = self.low - 1
+        if not self.low <= n <= self.high:
+            most = "" if self.high == 2**63 - 1 else f" and at most {self.high}"
+            raise ValueError(f"{name}: {_short(value)} is no integer of at least {self.low}{most}")
+        return n
+
+
+class Flag:
+    """Rule: True or False."""
+
+    def __call__(self, name, value, sizes=None, compiled=None):
+        if not isinstance(value, (bool, np.bool_)):
+            raise ValueError(f"{name}: {_short(value)} is neither True nor False")
+        return bool(value)
+
+
+class Random:
+    """Rule: a numpy.random.Generator; None too where ``optional``."""
+
+    def __init__(self, optional=False):
+        self.optional = optional
+
+    def __call__(self, name, value, sizes=None, compiled=None):
+        if not (isinstance(value, np.random.Generator) or self.optional and value is None):
+            raise ValueError(f"{name}: {_short(value)}; give a numpy.random.Generator")
+        return value
+
+
+def _short(value):
+    """What a value looks like, in one line."""
+    return " ".join(repr(value).split())[:60]
+
+
+def array(name: str, values: Any) -> Array:
+    """The values as an array; a mask that hides cells is a ValueError, since it would be lost."""
+    if _hides(values):
         raise ValueError(f"{name}: a masked array; fill it, or leave out what is masked")
-    return np.asarray(values)
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: rows of several lengths, or no array; give numbers") from None
 
 
-def reals(name, values, *shape):
+def _hides(values):
+    if isinstance(values, (list, tuple)):
+        return any(map(_hides, values))
+    return isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values)
+
+
+def number(name: str, value: Any, low: float, high: float) -> float:
+    """A real number in [low, high]; ValueError otherwise."""
+    return Number(low, high)(name, value)
+
+
+def integer(name: str, value: Any, low: int) -> int:
+    """An integer of at least `low`; ValueError otherwise."""
+    return Integer(low)(name, value)
+
+
+def numbers(name: str, values: Any, *shape: Any, low: Any = None, high: float = MOST) -> Array:
     """Array of real numbers of the given shape, in which a word stands for any size.
 
-    float32 and float64 are kept, other real numbers become float64.
+    float32 and float64 are kept, other real numbers become float64.  low, high : limits, NaN is
+    then a ValueError; without them any value passes.
     """
-    a = plain(name, values)
-    if a.dtype not in _FLOATS:
-        if a.dtype.kind not in "fiu":
-            raise ValueError(f"{name}: values of type {a.dtype}; give real numbers")
-        a = a.astype(float)
-    _fit(name, a.shape, shape)
-    return a
+    return Numbers(*shape, low=low, high=high, single=True)(name, values, {})
 
 
-def integers(name, values, *shape):
-    """Array of integers (int64) of the given shape, as in :func:`reals`."""
-    a = plain(name, values)
-    if a.dtype.kind not in "iu" and a.size:
-        raise ValueError(f"{name}: values of type {a.dtype}; give integers")
-    _fit(name, a.shape, shape)
-    return a if a.dtype is _INT else a.astype(_INT)
+def integers(name: str, values: Any, *shape: Any, low: Any = None, high: float = MOST) -> Array:
+    """Array of integers (int64) of the given shape, as in :func:`numbers`."""
+    return Integers(*shape, low=low, high=high)(name, values, {})
 
 
-def _fit(name, found, wanted):
-    if len(found) == len(wanted):
-        for i in range(len(found)):
-            if found[i] != wanted[i] and type(wanted[i]) is not str:
-                break
-        else:
-            return
-    size = ", ".join(map(str, wanted)) + "," * (len(wanted) == 1)
-    raise ValueError(f"{name}: shape {found} is not ({size}); reshape or transpose the array")
+@kernel
+def _outside(flat, low, high, nan):
+    """How many elements are not in [low, high]; NaN is not, unless ``nan``."""
+    inside = 0
+    for n in range(flat.size):
+        v = flat[n]
+        inside += ((v >= low) & (v <= high)) | (nan & (v != v))
+    return flat.size - inside
 
 
-def integer(name, value, low):
-    """An integer of at least `low`; ValueError otherwise."""
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = None
-    if number is None or number < low:
-        raise ValueError(f"{name}: {value!r} is no integer of at least {low}")
-    return number
+# Names of before, until the last caller has changed.
 
-
-def number(name, value, low, high):
-    """Raise ValueError unless value is a real number in [low, high]."""
-    plain = value.item() if isinstance(value, np.generic) else value  # float32 has other limits
-    if not (isinstance(plain, (float, int, np.floating)) and low <= plain <= high):
-        raise ValueError(f"{name}: {value!r} is no number in [{low:g}, {high:g}]")
+reals, plain = numbers, array
 
 
 def within(name, a, low, high):
     """The array a; ValueError, naming the first, unless all elements lie in [low, high]."""
-    if _outside(a.reshape(-1), low, high):
-        at = np.argwhere(~((a >= low) & (a <= high)))[0].tolist()
-        raise ValueError(f"{name}{at or ''}: {a[tuple(at)]:g} is not in [{low:g}, {high:g}]")
-    return a
+    return Numbers(..., low=low, high=high, single=True)(name, a, {})
 
 
-@kernel
-def _outside(flat, low, high):
-    """How many elements are not in [low, high]; NaN is not."""
-    inside = 0
-    for n in range(flat.size):
-        inside += (flat[n] >= low) & (flat[n] <= high)
-    return flat.size - inside
+def typed(compiled, inside=None):
+    """A compiled function without rules; see :func:`checked`."""
+    return checked(compiled, inside=inside)

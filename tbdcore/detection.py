@@ -23,7 +23,8 @@ import math
 
 import numpy as np
 
-from tbdcore import checks, kernel
+from tbdcore import checks
+from tbdcore.jit import kernel
 
 GOLDEN, TINY = 0.6180339887498949, np.finfo(float).tiny
 

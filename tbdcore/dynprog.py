@@ -28,7 +28,8 @@ import operator
 import numpy as np
 from numba.core.errors import NumbaError
 
-from tbdcore import checks, kernel
+from tbdcore import checks
+from tbdcore.jit import kernel
 
 TINY = np.finfo(np.float32).smallest_subnormal
 PIECE = 1920  # bytes of a plane that are treated together

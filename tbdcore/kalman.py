@@ -34,7 +34,8 @@ from functools import partial
 import numpy as np
 from numba import literal_unroll
 
-from tbdcore import checks, kernel
+from tbdcore import checks
+from tbdcore.jit import kernel
 
 
 def _finite(where, *arrays):

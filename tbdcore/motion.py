@@ -23,7 +23,8 @@ import math
 
 import numpy as np
 
-from tbdcore import checks, kernel
+from tbdcore import checks
+from tbdcore.jit import kernel
 
 LARGE = 1e50  # largest time, rate or acceleration: products stay finite
 

@@ -21,7 +21,8 @@ import math
 
 import numpy as np
 
-from tbdcore import checks, kernel
+from tbdcore import checks
+from tbdcore.jit import kernel
 
 LEAST, MOST = 1e-200, 1e200  # sum of weights: beyond these the spacing of the arrows is lost
 

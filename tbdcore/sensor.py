@@ -25,7 +25,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import i0e, i1e
 
-from tbdcore import checks, kernel
+from tbdcore import checks
+from tbdcore.jit import kernel
 
 HIGH = 1e50  # largest value in a frame, and largest intensity: products stay finite
 

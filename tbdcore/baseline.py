@@ -1,0 +1,153 @@
+"""The plain alternative to tracking before detection: one frame at a time, and its scores.
+
+**One frame.**  ``matched_filter`` collects the energy of a target's image around every cell,
+``brightest`` finds the largest value of each frame; without a target these values give a threshold
+(``recording.threshold``).  **M of N.**  ``m_of_n`` declares when M of the last N frames exceed it,
+``m_of_n_probability`` says how often.  **Scores of declarations.**  ``delay``, ``kept_share``,
+``masked_rmse``, ``mean_se``: mean values over trials with their standard errors.
+
+Frames have the shape (K, nx, ny), declarations (..., K) are Boolean.  NaN cells are gaps: they are
+left out of a sum, and a frame of NaN exceeds nothing.  Invalid arguments are a ValueError of one
+line.
+"""
+
+import math
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import betainc
+
+from tbdcore.checks import Array, Integer, Numbers, checked, numbers
+from tbdcore.noise import Frames, Law
+
+__all__ = ["brightest", "delay", "kept_share", "m_of_n", "m_of_n_probability"]
+__all__ += ["masked_rmse", "matched_filter", "mean_se"]
+
+
+def _flags_rule(name, values, sizes=None, compiled=None):
+    """Rule: a Boolean array of at least one axis, none of length 0."""
+    flags = np.asarray(values)
+    if isinstance(values, np.ma.MaskedArray) or flags.dtype != bool or not flags.ndim * flags.size:
+        raise ValueError(f"{name}: {flags.dtype} of shape {flags.shape}; give a Boolean array")
+    return flags
+
+
+Flags = Annotated[ArrayLike, _flags_rule]
+Count = Annotated[int, Integer(1, 2**31)]
+Start = Annotated[int, Integer(0)]
+
+
+@checked
+def matched_filter(frames: Frames, blur: ArrayLike, law: Law = "gaussian") -> Array:
+    """Matched filter output (K, nx, ny), of mean 0 and variance 1 in white noise.
+
+    frames : (K, nx, ny), noise of mean 0 and variance 1 ("gaussian") or power of mean 1
+        ("exponential").
+    blur : standard deviation of the target's amplitude image h in cells, one or a pair (x, y).
+
+        gaussian:     sum h z / sqrt(sum h**2)               (Kay 1998, eq. 4.3)
+        exponential:  sum h**2 (z - 1) / sqrt(sum h**4), the locally best one for a weak target
+
+    Sums are over the known cells; NaN where these have less than a tenth of the energy.
+    """
+    from scipy.ndimage import correlate1d
+
+    blur = [blur, blur] if np.ndim(blur) == 0 else blur
+    blur = numbers("baseline.matched_filter: blur", blur, 2, low=1e-3, high=100.0)
+    known = ~np.isnan(frames)
+    match = np.where(known, frames - (law == "exponential"), 0.0)
+    energy, whole = known.astype(float), 1.0
+    for axis, b in ((1, blur[0]), (2, blur[1])):
+        d = np.arange(-math.ceil(4 * b), math.ceil(4 * b) + 1)
+        h = np.exp(-(d**2) / (2 * b * b)) ** (1 + (law == "exponential"))
+        match = correlate1d(match, h, axis, mode="constant")
+        energy, whole = correlate1d(energy, h * h, axis, mode="constant"), whole * (h @ h)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(energy > 0.1 * whole, match / np.sqrt(energy), np.nan)
+
+
+@checked
+def brightest(frames: Frames) -> tuple[Array, Array]:
+    """Cell (K, 2), counted from 0, and value (K,) of the largest cell of each frame.
+
+    The cell is (-1, -1) and the value -inf where a frame is all NaN.
+    """
+    flat = np.where(np.isnan(frames), -np.inf, frames).reshape(len(frames), -1)
+    value = flat.max(axis=1)
+    cells = np.stack(np.divmod(flat.argmax(axis=1), frames.shape[2]), axis=-1)
+    return np.where(value[:, None] > -np.inf, cells, -1), value
+
+
+@checked
+def m_of_n(hits: Flags, m: Count, n: Count) -> Array:
+    """Declared (..., K) where at least m of the last n frames are hits (..., K)."""
+    _possible(m, n)
+    count = np.cumsum(hits, axis=-1)
+    count[..., n:] = count[..., n:] - count[..., :-n]
+    return count >= m
+
+
+@checked
+def m_of_n_probability(
+    p: Annotated[ArrayLike, Numbers(..., low=0.0, high=1.0)], m: Count, n: Count
+) -> Array:
+    """Probability of at least m hits in n independent frames, each a hit with probability p.
+
+    The binomial sum as an incomplete beta function (Abramowitz and Stegun, 26.5.24).
+    """
+    _possible(m, n)
+    return betainc(m, n - m + 1, p)
+
+
+def _possible(m, n):
+    if m > n:
+        raise ValueError(f"m: {m} hits in n = {n} frames are not possible; give m <= n")
+
+
+@checked
+def delay(hits: Flags, start: Start = 0) -> Array:
+    """Frames from frame ``start`` to the first hit (...), K - start where there is none."""
+    hits = hits[..., start:]
+    if not hits.shape[-1]:
+        raise ValueError(f"start: {start} is behind the last frame; frames count from 0")
+    return np.where(hits.any(axis=-1), hits.argmax(axis=-1), hits.shape[-1])
+
+
+@checked
+def kept_share(hits: Flags, start: Start = 0) -> Array:
+    """Share (...) of the frames after the first hit that are hits; NaN without such frames."""
+    first = delay(hits, start)[..., None]
+    hits = hits[..., start:]
+    later = np.arange(hits.shape[-1]) > first
+    with np.errstate(invalid="ignore"):
+        return (hits & later).sum(axis=-1) / later.sum(axis=-1)
+
+
+@checked
+def mean_se(x: Annotated[ArrayLike, Numbers(...)]) -> tuple[Array, Array]:
+    """Mean over the first axis, the trials, and its standard error; at least two trials."""
+    if x.ndim == 0 or len(x) < 2:
+        raise ValueError(f"x: shape {x.shape}; give at least two trials along the first axis")
+    return x.mean(axis=0), x.std(axis=0, ddof=1) / math.sqrt(len(x))
+
+
+@checked
+def masked_rmse(
+    error: Annotated[ArrayLike, Numbers(..., nan=True)], mask: Flags
+) -> tuple[float, Array]:
+    """Root mean square of error (n, ...) where mask (n, ...) is True, and influences (n,).
+
+    The standard deviation of the influences over sqrt(n) is the standard error, also of paired
+    differences.  An error may be NaN where the mask is False; the result is NaN for an empty mask.
+    """
+    if error.shape != mask.shape:
+        raise ValueError(f"mask: shape {mask.shape}, but error has {error.shape}; give one shape")
+    if np.isnan(error[mask]).any():
+        raise ValueError("error: NaN where mask is True; leave it out of the mask")
+    axes = tuple(range(1, mask.ndim))
+    square = np.where(mask, error, 0.0) ** 2
+    total, count = square.sum(axis=axes), mask.sum(axis=axes)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rmse = np.sqrt(total.sum() / count.sum())
+        return float(rmse), rmse + (total - rmse**2 * count) / (2 * rmse * count.mean())

@@ -1,0 +1,279 @@
+"""Do frames agree with what a filter is told?  ``fit`` measures it, ``warn_misfit`` says it.
+
+The noise that chapters 01 and 02 are told is white and normal with a known mean and standard
+deviation ("gaussian"), that of chapter 03 is white and exponential with a known mean
+("exponential").  Places that may be targets are left out: the brightest place of each window and
+all cells that the law itself would hardly show, with five cells around them.  So a target of up to
+20 dB is no misfit.  NaN cells and frames, or None in a list of frames, are left out as well.
+"""
+
+import math
+import warnings
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+
+from tbdcore.checks import Number, checked
+from tbdcore.noise import Frames, Law
+from tbdcore.recording import clipped
+
+__all__ = ["Misfit", "fit", "warn_misfit"]
+
+CELLS, LEAST, SIDE, AROUND = 20_000, 1000, 50, 5
+SMALL = 1e-30
+CERTAIN = 2.5758  # standard errors, 99 %
+STEPS = 0.6180339887498949, 0.7548776662466927  # of the windows' places: spread evenly over a frame
+TO_SLOPE = 0.9033  # mean change of a normal score when ln(exponential power) changes by one
+
+# The size of a condition at which false alarms double, or weak targets are missed.
+TOLERANCE = {
+    "level": {"gaussian": 0.1, "exponential": 0.3},  # standard deviations; dB
+    "spread": {"gaussian": 0.3, "exponential": 1.0},  # dB
+    "slope_x": {"gaussian": 0.2, "exponential": 0.2},  # across the frame: std; share of the level
+    "slope_y": {"gaussian": 0.2, "exponential": 0.2},
+    "tail_1e2": {"gaussian": 1.5, "exponential": 1.5},  # times as many cells as the law has
+    "tail_1e3": {"gaussian": 2.5, "exponential": 2.5},
+    "next_x": {"gaussian": 0.1, "exponential": 0.1},  # correlations
+    "next_y": {"gaussian": 0.1, "exponential": 0.1},
+    "next_frame": {"gaussian": 0.1, "exponential": 0.1},
+}
+AROUND_ONE = ("tail_1e2", "tail_1e3")  # only more than the law has is a misfit
+UNITS = {"gaussian": ("std", "dB", "std"), "exponential": ("dB", "dB", "of the level")}
+LEVEL = "normalise(frames, clipped(frames))"
+MENDS = {
+    "level": LEVEL,
+    "spread": LEVEL,
+    "slope": "normalise(frames, clipped(frames, size=...))",
+    "tail": "normal_scores(frames, empirical_law(noise))",
+    "next": "blocks(frames, K) give the threshold",
+}
+
+
+class Misfit(UserWarning):
+    """The data are not what the filter was told; one line says what, by how much, and a remedy."""
+
+
+class Measure(NamedTuple):
+    """A measured value and its standard error."""
+
+    value: float
+    se: float
+
+
+class Fit(NamedTuple):
+    """How frames agree with a law of noise; ``print(fit)`` shows it as a table.
+
+    level : "gaussian": mean, in standard deviations; "exponential": mean power, in dB
+    spread : "gaussian": standard deviation, in dB; "exponential": width of the middle half, dB
+    slope_x, slope_y : change across the frame, in standard deviations, or as a share of the level
+    tail_1e2, tail_1e3 : cells in the upper tail, over the number in a tail of 1e-2 and 1e-3
+    next_x, next_y, next_frame : correlation to the next cell, and to the cell in the next frame
+    """
+
+    law: str
+    cells: int
+    level: Measure
+    spread: Measure
+    slope_x: Measure
+    slope_y: Measure
+    tail_1e2: Measure
+    tail_1e3: Measure
+    next_x: Measure
+    next_y: Measure
+    next_frame: Measure
+
+    def __str__(self):
+        few = f"; fewer than {LEAST}: too few to judge" if self.cells < LEAST else ""
+        rows = [f"{self.law} noise, {self.cells} cells{few}"]
+        for name in TOLERANCE:
+            m, wrong = getattr(self, name), name in self.exceeded()
+            limit = f"tolerance {TOLERANCE[name][self.law]:g}"
+            row = f"{name:<11}{m.value:9.3f} ± {m.se:.3f} {_unit(name, self.law):<12} {limit}"
+            rows.append(row + "  exceeded" * wrong)
+        return "\n".join(rows)
+
+    def exceeded(self):
+        """Names of the conditions that exceed their tolerance with 99 % certainty, worst first."""
+        if self.cells < LEAST:
+            return []
+        excess = {name: _excess(getattr(self, name), name, self.law) for name in TOLERANCE}
+        return sorted((n for n in excess if excess[n] > 0), key=excess.get, reverse=True)
+
+
+def _excess(m, name, law):
+    """By how many tolerances a measured value is certainly above one tolerance."""
+    tolerance = TOLERANCE[name][law]
+    size = m.value if name in AROUND_ONE else abs(m.value)
+    return (size - CERTAIN * m.se) / tolerance - 1 if size == size else -1.0
+
+
+def _unit(name, law):
+    kind = name.partition("_")[0]
+    units = dict(zip(("level", "spread", "slope"), UNITS[law], strict=True))
+    return {"tail": "times", "next": ""}.get(kind, units.get(kind, ""))
+
+
+@checked
+def fit(
+    frames: Frames,
+    law: Law = "gaussian",
+    mean: Annotated[float, Number(-1e50, 1e50)] = 0.0,
+    std: Annotated[float, Number(1e-50, 1e50)] = 1.0,
+) -> Fit:
+    """How frames (K, nx, ny) agree with noise of a law, a mean and a standard deviation.
+
+    It looks at 20,000 cells at most, in windows of pairs of frames, evenly spread.
+
+    mean, std : what the filter is told; for "exponential" power 0 and the mean noise power
+    """
+    x, places = _windows(frames)
+    x = (x - mean) / std
+    bright, expected = _bright(_scores(x, law, _noise(x, law)))
+    x[bright] = np.nan
+    n, at = int((x == x).sum()), _noise(x, law)
+    y = _scores(x, law, at)
+    next_ones = [_correlation(y, axis) for axis in (2, 3, 1)]
+    fewer = math.prod((1 - r.value) / (1 + r.value) for r in next_ones if r.value > 0)
+    slopes = [_slope(y, place, law, at.std, fewer) for place in places]
+    tails = [_tail(y, q, *expected, fewer) for q in (1e-2, 1e-3)]
+    return Fit(law, n, *_level(x, at, law, max(n * fewer, 1.0)), *slopes, *tails, *next_ones)
+
+
+def _windows(z):
+    """Windows (n, 2, h, w) of pairs of frames, and where their cells are, from -1/2 to 1/2."""
+    pairs, size = _pairs(z), z.shape[1:]
+    h, w = side = [min(m, SIDE) for m in size]
+    room = len(pairs) * (size[0] // h) * (size[1] // w)
+    n = max(1, min(CELLS // (2 * h * w), room))
+    rows = pairs[np.linspace(0, len(pairs) - 1, n).astype(int)]
+    steps = np.arange(n)[:, None] * STEPS
+    corner = ((0.5 + steps) % 1 * (np.array(size) - side + 1)).astype(int)
+    x = [z[k][:, i : i + h, j : j + w] for k, (i, j) in zip(rows, corner, strict=True)]
+    at = [c[:, None] + np.arange(m) for c, m in zip(corner.T, side, strict=True)]
+    i, j = (a / max(m - 1, 1) - 0.5 for a, m in zip(at, size, strict=True))
+    return np.array(x, float), (i[:, None, :, None], j[:, None, None, :])
+
+
+def _pairs(z):
+    """Pairs (n, 2) of successive known frames, none in two; (n, 1) the known ones without any."""
+    known = np.flatnonzero((z == z).any(axis=(1, 2)))
+    if not known.size:
+        raise ValueError("misfit.fit: frames: all are missing; give at least one")
+    pairs, last = [], -1
+    for k in known[:-1][np.diff(known) == 1].tolist():
+        if k > last:
+            pairs.append((k, k + 1))
+            last = k + 1
+    return np.array(pairs or [(k,) for k in known.tolist()])
+
+
+def _noise(x, law):
+    return clipped(x.reshape(-1, *x.shape[2:]), law)
+
+
+def _scores(x, law, at):
+    """Normal scores of the values, in units of the noise level ``at``, within +-8."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if law == "gaussian":
+            return np.clip((x - at.mean) / at.std, -8.0, 8.0)
+        return np.clip(-ndtri(np.exp(-np.maximum(x / at.mean, 0.0))), -8.0, 8.0)
+
+
+def _bright(y):
+    """Where targets may be, and how many cells are left in each window of a frame, of how many.
+
+    The largest of a window, and what one window in a hundred would show, with their neighbours.
+    """
+    from scipy.ndimage import maximum_filter
+
+    filled = np.where(np.isnan(y), -np.inf, y)
+    largest = filled.max(axis=(2, 3), keepdims=True)
+    limit = np.minimum(largest, -ndtri(0.01 / (y.shape[2] * y.shape[3])))
+    side = 2 * min(AROUND, min(y.shape[2:]) // 4) + 1
+    bright = maximum_filter((filled >= limit).view(np.int8), (1, 1, side, side)) > 0
+    known = y == y
+    return bright, ((known & ~bright).sum(axis=(2, 3)), known.sum(axis=(2, 3)))
+
+
+def _tail(y, q, left, known, fewer):
+    """Cells in the upper tail of probability q, over their expected number.
+
+    Of n independent cells without their largest, each other one lies in the tail with probability
+    1 - p**n - n p (1 - p**(n - 1)) / (n - 1), p = 1 - q.
+    """
+    n, p = np.maximum(known, 3), 1.0 - q
+    each = 1 - p**n - n * p * (1 - p ** (n - 1)) / (n - 1)
+    expected, count = float((left * each).sum()), int((y > -ndtri(q)).sum())
+    if expected < 1.0:
+        return Measure(math.nan, math.nan)
+    return Measure(count / expected, math.sqrt(max(count, expected) / fewer) / expected)
+
+
+def _correlation(y, axis):
+    """Correlation of clipped scores one cell or frame apart; NaN without such cells."""
+    y = np.moveaxis(np.clip(y, -3.0, 3.0), axis, 0)
+    a, b = y[:-1], y[1:]
+    both = (a == a) & (b == b)
+    n = int(both.sum())
+    if n < 3:
+        return Measure(math.nan, math.nan)
+    a, b = a[both], b[both]
+    spread = math.sqrt(a.var() * b.var())
+    value = ((a - a.mean()) * (b - b.mean())).mean() / spread if spread > 0 else 0.0
+    return Measure(float(value), 1 / math.sqrt(n))
+
+
+def _slope(y, place, law, std, fewer):
+    """Change of the noise across the frame, by least squares on clipped scores."""
+    y, u = np.broadcast_arrays(np.clip(y, -3.0, 3.0), place)
+    y, u = y[y == y], u[y == y]
+    u = u - (u.mean() if u.size else 0.0)
+    total = float(u @ u)
+    if total < 1e-9:
+        return Measure(math.nan, math.nan)
+    unit = float(std) if law == "gaussian" else 1 / TO_SLOPE
+    se = unit * float(y.std()) / math.sqrt(total * fewer)
+    return Measure(unit * float(u @ y) / total, se)
+
+
+def _level(x, at, law, n):
+    """Level and spread; errors are those of n independent cells of the law."""
+    if law == "gaussian":
+        level = Measure(at.mean, 1.02 * at.std / math.sqrt(n))
+        return level, Measure(_decibels(at.std**2), 8.69 * 0.78 / math.sqrt(n))
+    low, middle, high = np.nanquantile(x, (0.25, 0.5, 0.75))
+    ratio = (high - low) / math.log(3) / max(middle / math.log(2), SMALL)
+    level = Measure(_decibels(at.mean), 4.34 * 1.05 / math.sqrt(n))
+    return level, Measure(_decibels(ratio), 4.34 * 1.594 / math.sqrt(n))
+
+
+def _decibels(ratio):
+    return 10 * math.log10(max(ratio, SMALL))
+
+
+def warn_misfit(
+    frames: Frames, law: Law = "gaussian", mean: float = 0.0, std: float = 1.0, stacklevel: int = 2
+) -> Fit:
+    """One :class:`Misfit` warning of one line if :func:`fit` finds a tolerance exceeded.
+
+    With fewer than 1,000 cells of noise nothing is said.  The arguments are those of ``fit``;
+    ``stacklevel`` as in ``warnings.warn``: 2 names the line that calls this function.
+    """
+    found = fit(frames, law, mean, std)
+    if names := found.exceeded():
+        warnings.warn(_line(found, names), Misfit, stacklevel=stacklevel)
+    return found
+
+
+def _line(found, names):
+    """What does not fit, by how much, what it does, and which function mends it."""
+    name, law = names[0], found.law
+    m = getattr(found, name)
+    size = f"{m.value:.3g} ± {m.se:.1g} {_unit(name, law)}".rstrip()
+    limit = f"tolerance {TOLERANCE[name][law]:g}"
+    rises = m.value > 0 or name not in ("level", "spread")
+    effect = "more false alarms than promised" if rises else "weak targets are missed"
+    more = f"; also {', '.join(names[1:])}" if names[1:] else ""
+    mend = MENDS[name.partition("_")[0]]
+    return f"frames: {name} of the noise is {size} ({limit}): {effect}; recording.{mend}{more}"

@@ -1,0 +1,172 @@
+"""Laws of noise and clutter: frames without a target, and what makes them differ from white noise.
+
+**Laws.**  ``gaussian`` (mean 0, variance 1), ``exponential`` and ``k_power`` (power of mean 1)
+draw frames of independent cells.  **Correlation.**  ``correlated`` and ``smoothed`` give standard
+normal frames whose neighbours are not independent; ``as_power`` turns them into power of mean 1
+with the same neighbours.  **Faults.**  ``louder`` changes the level, ``sloped`` lets it vary
+across the frame, ``with_gaps`` takes frames away.
+
+Frames have the shape (K, nx, ny): K frames, then the two axes of a frame.  A list of frames will
+do, and None in it is a missing frame.  A gap is NaN, a cell or a whole frame: functions that take
+frames keep it, functions that draw frames make none.  Other invalid values are a ValueError of one
+line.
+"""
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gammaincinv, gammaln, kve, log_ndtr, ndtr, xlogy
+
+from tbdcore.checks import Array, Integer, Number, Numbers, Random, checked
+
+__all__ = ["as_power", "correlated", "exponential", "gaussian", "k_power", "k_survival"]
+__all__ += ["louder", "sloped", "smoothed", "with_gaps"]
+
+TINY = np.finfo(float).tiny
+LAWS = ("gaussian", "exponential")
+_STACK = Numbers("K", "nx", "ny", nan=True, single=True)
+
+
+def frames_rule(name, values, sizes=None, compiled=None):
+    """Rule: frames (K, nx, ny); a missing one of a list, None, becomes NaN."""
+    if isinstance(values, (list, tuple)) and any(frame is None for frame in values):
+        shapes = {np.shape(frame) for frame in values if frame is not None}
+        if not shapes:
+            raise ValueError(f"{name}: every frame is missing; give at least one")
+        values = [np.full(min(shapes), np.nan) if frame is None else frame for frame in values]
+    z = _STACK(name, values, {} if sizes is None else sizes)
+    if not z.size:
+        raise ValueError(f"{name}: shape {z.shape} has no cells; give (K, nx, ny)")
+    return z
+
+
+def law_rule(name, value, sizes=None, compiled=None):
+    """Rule: the name of a law of noise."""
+    if not isinstance(value, str) or value not in LAWS:
+        raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(LAWS)}")
+    return value
+
+
+def _shape_rule(name, value, sizes=None, compiled=None):
+    value = value if isinstance(value, (tuple, list)) else (value,)
+    return tuple(Integer(1, 2**40)(name, n) for n in value)
+
+
+Frames = Annotated[Any, frames_rule]
+Law = Annotated[str, law_rule]
+Shape = Annotated[tuple, _shape_rule]
+Generator = Annotated[np.random.Generator, Random()]
+Nu = Annotated[float, Number(1e-3, 100.0)]
+Correlation = Annotated[ArrayLike, Numbers("d", low=0.0, high=0.9999)]
+
+
+@checked
+def gaussian(shape: Shape, rng: Generator) -> Array:
+    """White normal noise of mean 0 and variance 1."""
+    return rng.standard_normal(shape)
+
+
+@checked
+def exponential(shape: Shape, rng: Generator) -> Array:
+    """Power of complex normal noise, |v|**2 of mean 1: independent exponential cells."""
+    return rng.standard_exponential(shape)
+
+
+@checked
+def k_power(
+    shape: Shape, nu: Nu, rng: Generator, correlation: Correlation = (0.0, 0.0, 0.0)
+) -> Array:
+    """Power of K-distributed clutter, mean 1 (Ward, Tough and Watts 2013, section 4.2).
+
+    Each cell is a gamma texture of shape ``nu`` and mean 1, times exponential speckle: the smaller
+    nu, the heavier the tail; the variance is 1 + 2 / nu.  ``correlation`` is that of the normal
+    scores of the texture, as in :func:`correlated`; the speckle is white.
+    """
+    share = ndtr(correlated(shape, correlation, rng))
+    return gammaincinv(nu, share) / nu * rng.standard_exponential(shape)
+
+
+@checked
+def k_survival(power: Annotated[ArrayLike, Numbers(..., low=0.0, nan=True)], nu: Nu) -> Array:
+    """Probability that K-distributed power of mean 1 exceeds ``power`` (any shape).
+
+    2 / Gamma(nu) (nu power)**(nu / 2) K_nu(2 sqrt(nu power)); NaN stays NaN.
+    """
+    root = np.sqrt(nu * np.maximum(power, TINY))
+    with np.errstate(all="ignore"):  # the Bessel function leaves the range at both ends
+        log = math.log(2) - gammaln(nu) + xlogy(nu, root) - 2 * root + np.log(kve(nu, 2 * root))
+        return np.exp(np.minimum(log, 0.0))
+
+
+@checked
+def correlated(shape: Shape, correlation: Correlation, rng: Generator) -> Array:
+    """Standard normal frames with correlation rho**n between cells n apart, along each axis.
+
+    correlation : rho of (time, x, y), one for each axis of ``shape``, in [0, 1): first-order
+        autoregressions, stationary from the first cell on.
+    """
+    if len(correlation) != len(shape):
+        raise ValueError(f"noise.correlated: correlation: give one number for each axis of {shape}")
+    z = rng.standard_normal(shape)
+    for axis, rho in enumerate(correlation.tolist()):
+        line = np.moveaxis(z, axis, 0)  # a view: the recursion is in place
+        for k in range(1, len(line) if rho else 0):
+            line[k] = rho * line[k - 1] + math.sqrt(1 - rho * rho) * line[k]
+    return z
+
+
+@checked
+def smoothed(shape: Shape, width: Annotated[float, Number(0.0, 1e3)], rng: Generator) -> Array:
+    """Standard normal frames, smoothed within each frame by a Gaussian of ``width`` cells.
+
+    Two neighbours have the correlation exp(-1 / (4 width**2)), for a width of 0.7 cells or more.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    if len(shape) != 3:
+        raise ValueError(f"noise.smoothed: shape: {shape}; give (K, nx, ny)")
+    one = np.zeros(shape[1:])
+    one[0, 0] = 1.0
+    gain = np.linalg.norm(gaussian_filter(one, width, mode="wrap"))
+    return gaussian_filter(rng.standard_normal(shape), width, mode="wrap", axes=(1, 2)) / gain
+
+
+@checked
+def as_power(normal: Annotated[ArrayLike, Numbers(..., nan=True)]) -> Array:
+    """Exponential power of mean 1 whose normal scores are the standard normal values ``normal``."""
+    return -log_ndtr(-normal)
+
+
+@checked
+def louder(
+    frames: Frames, decibels: Annotated[float, Number(-300.0, 300.0)], law: Law = "gaussian"
+) -> Array:
+    """Frames whose noise level is ``decibels`` higher.
+
+    law : "gaussian" for values of mean 0 (times 10**(decibels / 20)), "exponential" for power
+        (times 10**(decibels / 10)).
+    """
+    return frames * 10.0 ** (decibels / (20 if law == "gaussian" else 10))
+
+
+@checked
+def sloped(
+    frames: Frames,
+    change: Annotated[float, Number(-2.0, 2.0)],
+    axis: Annotated[int, Integer(0, 2)] = 1,
+) -> Array:
+    """Frames times a factor that grows from 1 - change / 2 to 1 + change / 2 along an axis.
+
+    axis : 0 time, 1 or 2 an axis of the frame.  For power this is the level; for noise of mean 0
+    it is the standard deviation.
+    """
+    place = np.linspace(-0.5, 0.5, frames.shape[axis])
+    return frames * (1 + change * np.expand_dims(place, [a for a in range(3) if a != axis]))
+
+
+@checked
+def with_gaps(frames: Frames, share: Annotated[float, Number(0.0, 1.0)], rng: Generator) -> Array:
+    """A copy in which each frame is missing (all NaN) with probability ``share``."""
+    return np.where(rng.random(len(frames))[:, None, None] < share, np.nan, frames)

@@ -1,0 +1,544 @@
+"""From a recording to what a filter takes: noise, background, thresholds, plots, blur, a target.
+
+    at = recording.clipped(frames)                      # mean and spread of the noise
+    z = recording.normalise(frames, at)                 # white noise: mean 0, variance 1
+    print(misfit.fit(z))                                # does the noise look like that?
+    peaks = [statistic(block) for block in recording.blocks(z, 11)]
+    V_T = recording.threshold(peaks, 0.05).value
+
+``frames`` has the shape (K, nx, ny): K frames in their order of time, then the axes of a frame; a
+list of frames will do, in which None is a missing frame.  **A gap is NaN**, a cell or a frame:
+estimates leave it out, and what returns frames returns NaN there.  Infinite values, text, complex
+samples and masks that hide cells are a ValueError of one line, as all invalid arguments are.
+
+The law of the noise is ``"gaussian"`` (values around a mean, chapters 01 and 02) or
+``"exponential"`` (power, chapter 03); any other law is turned into one of these two by
+``normal_scores``, or into log-likelihood ratios by ``log_ratio``.
+"""
+
+import math
+import warnings
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import betaincinv, ndtri
+
+from tbdcore.checks import Array, Flag, Integer, Number, Numbers, checked, numbers
+from tbdcore.noise import Frames, Generator, Law
+
+__all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law"]
+__all__ += ["found_share", "inject", "level", "log_ratio", "merge_plots", "normal_scores"]
+__all__ += ["normalise", "plots", "threshold"]
+
+LN2, SMALL, ROUNDS = math.log(2.0), 1e-300, 8
+CLIP = {"gaussian": 3.0, "exponential": 5.0}  # standard deviations, mean powers
+KEPT = {"gaussian": 0.98657, "exponential": 0.96608}  # spread, mean of what is not clipped
+LEAST_BLOCKS = 30
+BOUND = 1.5 * math.sqrt(2 / math.pi)
+MOST_RATIO = 50.0  # log-likelihood ratios of one cell lie in [-50, 50]
+
+Positive = Annotated[float, Number(1e-100, 1e100)]
+
+
+class Level(NamedTuple):
+    """Mean and standard deviation of noise: numbers, or arrays that fit the frames."""
+
+    mean: Any
+    std: Any
+
+
+# Noise and background
+
+
+@checked
+def level(frames: Frames, law: Law = "gaussian") -> Level:
+    """Level of the noise of a whole recording, from its median; up to a third may be targets.
+
+    gaussian:     median, and median absolute deviation / 0.6745 (Huber and Ronchetti 2009, 5.1)
+    exponential:  mean and standard deviation are median / ln 2
+    """
+    return Level(*(float(a) for a in _medians(frames, law, None)))
+
+
+@checked
+def background(frames: Frames, law: Law = "gaussian") -> Level:
+    """Level of each cell over time, (nx, ny): what stands still, as the medians of :func:`level`.
+
+    A target that stays in a cell for a third of the recording becomes background.  NaN where a cell
+    has no value; ten frames are the least.
+    """
+    if len(frames) < 10:
+        raise ValueError(f"recording.background: frames: {len(frames)} of them; give at least 10")
+    return Level(*_medians(frames, law, 0))
+
+
+def _medians(z, law, axis):
+    """Mean and standard deviation by medians along an axis."""
+    if not (z == z).any():
+        raise ValueError("recording: frames: all cells are NaN; give at least one known cell")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a cell without values is NaN
+        middle = np.nanmedian(z, axis=axis)
+        if law == "exponential":
+            return middle / LN2, middle / LN2
+        return middle, np.nanmedian(abs(z - middle), axis=axis) / ndtri(0.75)
+
+
+@checked
+def clipped(
+    frames: Frames, law: Law = "gaussian", size: Annotated[int, Integer(0, 10**4)] = 0
+) -> Level:
+    """Level of the noise without bright cells, by repeated clipping (Bertin and Arnouts 1996, 7.1).
+
+    Cells beyond 3 standard deviations ("exponential": above 5 means) are left out, and the mean and
+    standard deviation of the others corrected for it, eight times.
+
+    size : 0, one level for the whole recording; else the side of a window in cells: a level for
+        each cell of each frame, (K, nx, ny), from the window around it.  Take five widths of a
+        target or more.  NaN where less than a quarter of a window is known.
+    """
+    from scipy.ndimage import uniform_filter
+
+    middle, std = _medians(frames, law, None)
+    offset = middle if law == "gaussian" else 0.0
+    z = np.asarray(frames, float) - offset
+    if not size:
+        at = _clip(z, law, np.mean, Level(middle - offset, std))
+        return Level(float(at.mean + offset), float(at.std))
+    average = partial(uniform_filter, size=size, axes=(1, 2))
+    at = _clip(z, law, average, Level(0.0 if law == "gaussian" else np.inf, np.inf))
+    known = average((z == z).astype(float)) >= 0.25
+    return Level(np.where(known, at.mean + offset, np.nan), np.where(known, at.std, np.nan))
+
+
+def _clip(z, law, average, at):
+    """Mean and standard deviation of the averages of what lies near the level ``at``."""
+    for _ in range(ROUNDS):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if law == "gaussian":
+                keep = abs(z - at.mean) <= CLIP[law] * at.std
+            else:
+                keep = z <= CLIP[law] * at.mean
+            share = average(keep.astype(float))
+            mean = average(np.where(keep, z, 0.0)) / share
+            square = average(np.where(keep, (z - mean) ** 2, 0.0)) / share
+        std = np.sqrt(np.maximum(square, 0.0)) / KEPT[law]
+        at = Level(mean, std) if law == "gaussian" else Level(mean / KEPT[law], mean / KEPT[law])
+    return at
+
+
+@checked
+def normalise(frames: Frames, at: Level, law: Law = "gaussian") -> Array:
+    """Noise of mean 0 and variance 1, (z - mean) / std; "exponential": power of mean 1, z / mean.
+
+    at : a Level of numbers, or of arrays (nx, ny) or (K, nx, ny).  NaN where its spread is not
+        above 0, as that of a cell that always shows the same value.
+    """
+    mean, std = (np.asarray(a, float) for a in at)
+    scale = std if law == "gaussian" else mean
+    if not (scale > 0).any():
+        raise ValueError("recording.normalise: at: its spread is nowhere above 0; look at frames")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = (frames - mean if law == "gaussian" else frames) / scale
+    return np.where(scale > 0, z, np.nan)
+
+
+# Any law of the noise
+
+
+class TailedLaw(NamedTuple):
+    """A law measured from noise; ``sf``, ``cdf`` and ``logpdf`` as of a SciPy distribution.
+
+    x, p : (n,) quantiles of the noise and their probabilities, interpolated without overshoot
+    low, high : (shape, scale) of the generalised Pareto tails below x[0] and above x[-1]
+    """
+
+    x: Array
+    p: Array
+    low: tuple
+    high: tuple
+
+    def cdf(self, z):
+        """Probability of a value of at most z."""
+        body = self._body()(np.clip(z, self.x[0], self.x[-1]))
+        below = self.p[0] * _pareto(self.x[0] - z, *self.low)[0]
+        return np.where(z < self.x[0], below, np.where(z > self.x[-1], 1 - self.sf(z), body))
+
+    def sf(self, z):
+        """Probability of a value above z."""
+        above = (1 - self.p[-1]) * _pareto(z - self.x[-1], *self.high)[0]
+        body = 1 - self._body()(np.clip(z, self.x[0], self.x[-1]))
+        below = 1 - self.p[0] * _pareto(self.x[0] - z, *self.low)[0]
+        return np.where(z > self.x[-1], above, np.where(z < self.x[0], below, body))
+
+    def logpdf(self, z):
+        """Logarithm of the density."""
+        slope = self._body().derivative()(np.clip(z, self.x[0], self.x[-1]))
+        below = self.p[0] * _pareto(self.x[0] - z, *self.low)[1]
+        above = (1 - self.p[-1]) * _pareto(z - self.x[-1], *self.high)[1]
+        density = np.where(z < self.x[0], below, np.where(z > self.x[-1], above, slope))
+        return np.log(np.maximum(density, SMALL))
+
+    def _body(self):
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(self.x, self.p)
+
+
+def _pareto(excess, shape, scale):
+    """Survival and density of the generalised Pareto law at excess >= 0 (at 0 for less)."""
+    e = np.maximum(excess, 0.0) / scale
+    log = -e if shape < 1e-6 else -np.log1p(shape * e) / shape
+    return np.exp(log), np.exp(log * (1 + shape)) / scale
+
+
+@checked
+def empirical_law(noise: Frames, tail: Annotated[float, Number(0.001, 0.2)] = 0.02) -> TailedLaw:
+    """The law of noise, from cells without a target (any shape of frames); NaN is left out.
+
+    The middle is the empirical distribution; the share ``tail`` at each end is a generalised Pareto
+    law (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987), never
+    lighter than exponential.  2,000 cells are the least.
+    """
+    z = np.sort(noise[noise == noise].astype(float))
+    if z.size < 2000:
+        raise ValueError(f"recording.empirical_law: noise: {z.size} known cells; give 2000 or more")
+    p = np.linspace(tail, 1 - tail, 65)
+    x = np.quantile(z, p)
+    if not (np.diff(x) > 0).all():
+        raise ValueError("recording.empirical_law: noise: too few different values; add dither")
+    return TailedLaw(x, p, _tail(x[0] - z[z < x[0]][::-1]), _tail(z[z > x[-1]] - x[-1]))
+
+
+def _tail(excess):
+    """Shape and scale from the excesses over the threshold, in rising order."""
+    n = excess.size
+    mean = excess.mean()
+    weighted = np.mean((1 - (np.arange(n) + 0.65) / n) * excess)
+    shape = float(np.clip(2 - mean / (mean - 2 * weighted), 0.0, 0.9))
+    return shape, float(mean * (1 - shape))
+
+
+@checked
+def normal_scores(frames: Frames, law: Any) -> Array:
+    """Scores that are standard normal if ``law`` is the law of the noise; NaN stays.
+
+    law : has ``cdf`` and ``sf``, as a frozen SciPy distribution or :func:`empirical_law`, or is a
+        function of the values that returns their cumulative probability.  Scores are within
+        +-37, where the probability is 1e-300; a bare function resolves 8 at the upper end.
+    """
+    cdf = law if callable(law) and not hasattr(law, "sf") else law.cdf
+    sf = getattr(law, "sf", lambda z: 1 - cdf(z))
+    low, high = (np.asarray(f(np.asarray(frames, float)), float) for f in (cdf, sf))
+    numbers("recording.normal_scores: law", low[frames == frames], "N", low=0.0, high=1.0)
+    with np.errstate(invalid="ignore"):
+        return np.where(high < 0.5, -ndtri(np.maximum(high, SMALL)), ndtri(np.maximum(low, SMALL)))
+
+
+@checked
+def log_ratio(
+    frames: Frames, law: Any, strength: Positive, adds: Annotated[bool, Flag()] = True
+) -> Array:
+    """Log-likelihood ratio of each cell, a target of given strength against noise; NaN stays.
+
+    law : of the noise; has ``logpdf``, as a frozen SciPy distribution or :func:`empirical_law`
+    strength : adds=True: what the target adds to its cell, ln p(z - a) - ln p(z); False: power
+        ratio S of a target that fluctuates as the noise does (in exponential noise Swerling 1),
+        ln p(z / (1 + S)) - ln(1 + S) - ln p(z)
+
+    Ratios are within +-50, and 0 where both densities are 0.
+    """
+    z = np.asarray(frames, float)
+    gain = 1.0 if adds else 1.0 + strength
+    with np.errstate(invalid="ignore", divide="ignore"):
+        target = law.logpdf(z - strength if adds else z / gain) - math.log(gain)
+        ratio = np.clip(target - law.logpdf(z), -MOST_RATIO, MOST_RATIO)
+    return np.where(np.isnan(z), np.nan, np.nan_to_num(ratio, nan=0.0))
+
+
+# Thresholds from the recording
+
+
+@checked
+def blocks(frames: Frames, K: Annotated[int, Integer(1)], step: Annotated[int, Integer(0)] = 0):
+    """Blocks (n, K, nx, ny) of K successive frames in their order of time; a read-only view.
+
+    step : from the start of a block to that of the next; 0: K, so that no two overlap.  Gaps stay
+        where they are: a block with a gap stands for a search with a gap.
+    """
+    n = 1 + (len(frames) - K) // (step or K) if len(frames) >= K else 0
+    if n < LEAST_BLOCKS:
+        least = K + (LEAST_BLOCKS - 1) * (step or K)
+        raise ValueError(
+            f"recording.blocks: frames: {len(frames)} give {n} blocks, fewer than {LEAST_BLOCKS}; "
+            f"give {least} frames, or a smaller step"
+        )
+    windows = np.lib.stride_tricks.sliding_window_view(frames, K, axis=0)[:: step or K]
+    return np.moveaxis(windows, -1, 1)
+
+
+class Threshold(NamedTuple):
+    """A threshold, and the interval of 95 % in which the delivered probability lies."""
+
+    value: Any
+    low: float
+    high: float
+
+
+@checked
+def threshold(
+    peaks: Annotated[ArrayLike, Numbers(...)],
+    p_false: Annotated[float, Number(1e-9, 0.5)],
+    independent: Annotated[int, Integer(0)] = 0,
+) -> Threshold:
+    """Threshold that a search without a target exceeds with probability ``p_false``.
+
+    peaks : (n,) largest value of each of n >= 30 blocks without a target, or (n, sets), a threshold
+        for each set
+    independent : number of blocks that do not overlap, if ``blocks`` was given a step below K
+
+    The threshold is the order statistic r = p_false (n + 1) from above, interpolated.  On average
+    it delivers p_false for any law of the noise; on one recording the delivered probability has the
+    Beta(r, n + 1 - r) law (David and Nagaraja 2003, 2.3), whose 95 % interval is returned.
+    """
+    n, used = len(peaks) if peaks.ndim else 0, independent or len(np.atleast_1d(peaks))
+    if not LEAST_BLOCKS <= used <= n or peaks.ndim > 2:
+        raise ValueError(f"recording.threshold: peaks: shape {peaks.shape}; give 30 or more blocks")
+    if p_false * (n + 1) < 1:
+        advice = f"give {math.ceil(1 / p_false)} blocks or a larger p_false"
+        raise ValueError(f"recording.threshold: p_false: {n} blocks cannot show it; {advice}")
+    rank = np.clip((1 - p_false) * (n + 1) - 1, 0, n - 1)
+    value = np.quantile(peaks, rank / (n - 1), axis=0)
+    r = p_false * (used + 1)
+    low, high = betaincinv(r, used + 1 - r, [0.025, 0.975]).tolist()
+    return Threshold(value, low, high)
+
+
+# Plots from cells
+
+
+def _one_frame(name, value, sizes=None, compiled=None):
+    """Rule: a frame, or None."""
+    return None if value is None else Numbers("nx", "ny", nan=True)(name, value, sizes)
+
+
+Pair = Annotated[ArrayLike, Numbers(2)]
+
+
+@checked
+def plots(
+    frame: Annotated[Any, _one_frame],
+    eta: Annotated[float, Number(-1e50, 1e50)],
+    law: Law = "gaussian",
+    origin: Pair = (0.0, 0.0),
+    cell: Pair = (1.0, 1.0),
+) -> Any:
+    """Plots (n, 5) of a frame (nx, ny): place on both axes, strength, accuracy on both axes.
+
+    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz
+    1966).  NaN cells are never above it; None, a frame that was not taken, stays None.
+
+    frame : noise of mean 0 and variance 1, or power of mean 1 ("exponential")
+    eta : threshold, in the unit of the frame, above the noise's mean
+    origin, cell : place of the centre of cell (0, 0), and size of a cell, on each axis.  With
+        range (m) and azimuth (rad) the columns are those of chapter 04.  Chapter 05 takes x, y and
+        the amplitude sqrt(2 power): [r cos(a), r sin(a), sqrt(2 strength)].
+
+    Place is the centroid weighted by what is above the mean, strength the largest value.  Accuracy
+    is the standard deviation of the place: 1.5 times the bound for a blurred point in white noise,
+    sqrt(2 / pi) cells over the amplitude in units of the noise (Winick 1986), and the rounding to
+    cells, 1 / sqrt(12) of a cell for a plot of one row, less for more.
+    """
+    if frame is None:
+        return None
+    mean = float(law == "exponential")
+    if eta <= mean:
+        raise ValueError(f"recording.plots: eta: {eta:g} is not above the noise's mean, {mean:g}")
+    return _centroids(frame, frame > eta, mean, origin, cell)
+
+
+def _centroids(frame, above, mean, origin, cell):
+    """The table of :func:`plots` of the cells that are above the threshold."""
+    from scipy import ndimage
+
+    label, n = ndimage.label(above, np.ones((3, 3)))
+    if not n:
+        return np.empty((0, 5))
+    at, number = np.argwhere(above), np.arange(1, n + 1)
+    z, label = frame[above], label[above]
+    total = partial(ndimage.sum_labels, labels=label, index=number)
+    strength = ndimage.maximum(z, label, number)
+    noise = BOUND / (np.sqrt(2 * strength) if mean else strength)
+    out = np.empty((n, 5))
+    out[:, 2] = strength
+    for axis, i in enumerate(at.T):
+        rows = ndimage.maximum(i, label, number) - ndimage.minimum(i, label, number) + 1
+        out[:, axis] = origin[axis] + cell[axis] * total((z - mean) * i) / total(z - mean)
+        out[:, 3 + axis] = abs(cell[axis]) * np.sqrt(noise**2 + 1 / (12 * rows**3))
+    return out
+
+
+@checked
+def merge_plots(
+    scan: Annotated[ArrayLike, Numbers("n", "d")],
+    distance: Annotated[float, Number(0.0, 1e12)],
+    weights: Any = None,
+) -> Array:
+    """Plots of one extended target made one: rows (m, d) of x, y and any further columns.
+
+    Plots whose places (the first two columns, in one unit) are at most ``distance`` apart, also
+    through others between them, are one (single linkage, Sibson 1973).  Each column of the result
+    is the mean over the group.
+
+    weights : (n,) positive, as the plots' strengths; None: all alike
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    if scan.shape[1] < 2:
+        raise ValueError(f"recording.merge_plots: scan: shape {scan.shape}; give x, y, ...")
+    weights = np.ones(len(scan)) if weights is None else weights
+    w = numbers("recording.merge_plots: weights", weights, len(scan), low=1e-300)
+    place = scan[:, 0] + 1j * scan[:, 1]
+    n, group = connected_components(abs(place[:, None] - place) <= distance, directed=False)
+    member = (group == np.arange(n)[:, None]) * w
+    return member @ scan / member.sum(axis=1, keepdims=True)
+
+
+# Blur
+
+
+class Blur(NamedTuple):
+    """Standard deviation of a target's image in cells on both axes, its errors, places used."""
+
+    value: Array
+    se: Array
+    places: int
+
+
+@checked
+def blur_of(
+    frames: Frames,
+    law: Law = "gaussian",
+    eta: Annotated[float, Number(3.0, 1e9)] = 8.0,
+    half: Annotated[int, Integer(1, 100)] = 5,
+) -> Blur:
+    """Blur from the second moments of bright places, less 1/12 for the cell in which the peak is.
+
+    frames : noise of mean 0 and variance 1, or power of mean 1
+    eta : least value of a place: a cell that is the largest within 2 ``half`` cells
+    half : cells on each side of the peak that a moment reads; three times the blur or more
+
+    The images of the places are added; the mean of the sum's outermost cells is its background; and
+    the moments read 3 blurs and a cell to each side.  ``value`` is the width of the image as it is;
+    that of power is the amplitude's over sqrt(2), so ``sd_r``, ``sd_a`` of chapter 03 are sqrt(2)
+    times it.  Places closer to the border than ``half`` cells or with a gap in reach are not used;
+    with fewer than five the result is NaN.
+    """
+    from scipy.ndimage import maximum_filter
+
+    z = np.where(np.isnan(frames), -np.inf, frames)
+    largest = maximum_filter(z, size=4 * half + 1, axes=(1, 2), mode="constant", cval=-np.inf)
+    at = np.argwhere((z == largest) & (z > eta))
+    inside = ((at[:, 1:] >= half) & (at[:, 1:] < np.array(z.shape[1:]) - half)).all(axis=1)
+    patches = [z[k, i - half : i + half + 1, j - half : j + half + 1] for k, i, j in at[inside]]
+    patches = np.array([p for p in patches if np.isfinite(p).all()])
+    if len(patches) < 5:
+        return Blur(np.full(2, np.nan), np.full(2, np.nan), len(patches))
+    edge = np.ones(patches.shape[1:], bool)
+    edge[1:-1, 1:-1] = False
+    patches = patches - patches[:, edge].mean()
+    for read in range(min(3, half), half + 1):
+        inner = slice(half - read, half + read + 1)
+        found = _moments(patches[:, inner, inner])
+        if read >= 3 * found.value.max() + 1:
+            break
+    return found
+
+
+def _moments(patches):
+    """Blur from patches (n, m, m) around peaks."""
+    d2 = (np.arange(patches.shape[1]) - patches.shape[1] // 2) ** 2
+    second = np.stack([patches.sum(axis=2) @ d2, patches.sum(axis=1) @ d2], axis=-1)
+    total = patches.sum(axis=(1, 2))
+    square = second.sum(axis=0) / total.sum()
+    value = np.sqrt(np.maximum(square - 1 / 12, 1e-12))
+    error = (second - square * total[:, None]).std(axis=0) / total.mean() / math.sqrt(len(total))
+    return Blur(value, error / (2 * value), len(total))
+
+
+@checked
+def bin_cells(frames: Frames, n: Annotated[int, Integer(1, 1000)], law: Law = "gaussian") -> Array:
+    """Frames of cells n times as wide, (K, nx // n, ny // n), for a blur above what a filter takes.
+
+    gaussian:     the sum of n x n cells / n: white noise keeps its variance; the blur is divided by
+                  n, a target's summed amplitude too
+    exponential:  the mean of n x n cells: it keeps mean 1, but is no longer exponential; a few of
+                  these then want :func:`normal_scores`
+
+    A new cell is NaN if one of its cells is; rows and columns that are left over are dropped.
+    """
+    K, nx, ny = frames.shape
+    if min(nx, ny) < n:
+        raise ValueError(f"recording.bin_cells: n: {n} is more than {nx} x {ny} cells; lower it")
+    z = frames[:, : nx - nx % n, : ny - ny % n].reshape(K, nx // n, n, ny // n, n)
+    return z.sum(axis=(2, 4)) / (n if law == "gaussian" else n * n)
+
+
+# A target in one's own frames
+
+
+@checked
+def inject(
+    frames: Frames,
+    path: Annotated[ArrayLike, Numbers("K", 2, nan=True)],
+    strength: Annotated[ArrayLike, Numbers(..., low=0.0, high=1e50)],
+    blur: Annotated[float, Number(0.0, 100.0)],
+    rng: Generator,
+    law: Law = "gaussian",
+) -> Array:
+    """A copy of the frames with a target in them.
+
+    path : (K, 2) place in cells, counted from 0, NaN in frames without the target
+    strength : "gaussian": amplitude A of the peak, A h is added; "exponential": power ratio S of
+        the peak, |A h + v|**2 with |A|**2 = S and a phase that is uniform in each cell
+        (chapter 03, eq. 5); a number or (K,)
+    blur : standard deviation of the amplitude's image h in cells; 0: all in the nearest cell
+    rng : draws the phases; unused in "gaussian" frames
+
+    What chance does to the target (S drawn from an exponential law for Swerling 1) is the caller's:
+    strength=S * rng.standard_exponential(K).
+    """
+    K, nx, ny = frames.shape
+    if len(path) != K or np.shape(strength) not in ((), (K,)):
+        raise ValueError(f"recording.inject: path, strength: give {K} places, 1 or {K} strengths")
+    h = [_profile(path[:, axis], n, blur) for axis, n in enumerate((nx, ny))]
+    h = h[0][:, :, None] * h[1][:, None, :] * np.ones(K)[:, None, None]
+    power = h * h * np.broadcast_to(strength, K)[:, None, None]
+    if law == "gaussian":
+        return frames + h * np.broadcast_to(strength, K)[:, None, None]
+    phase = np.cos(2 * np.pi * rng.random(frames.shape))
+    return frames + power + 2 * np.sqrt(power * np.maximum(frames, 0.0)) * phase
+
+
+def _profile(place, n, blur):
+    """Image (K, n) of the target along one axis, 0 where its place is NaN."""
+    d = np.arange(n) - (place[:, None] if blur else np.floor(place[:, None] + 0.5))
+    with np.errstate(invalid="ignore"):
+        h = np.exp(-(d**2) / (2 * blur * blur)) if blur else (d == 0).astype(float)
+    return np.nan_to_num(h, nan=0.0)
+
+
+def found_share(found: Callable, strengths: ArrayLike, trials: int) -> tuple[Array, Array]:
+    """Operating characteristic on a recording: share found at each strength, and its error.
+
+    found : found(strength, n) -> bool, trial n: put a target into own frames with :func:`inject`,
+        search, and compare the result with the truth
+    """
+    from tbdcore.score import proportion
+
+    strengths = numbers("recording.found_share: strengths", strengths, "n")
+    hits = [[bool(found(s, n)) for n in range(trials)] for s in strengths.tolist()]
+    return proportion(np.sum(hits, axis=1), trials)
