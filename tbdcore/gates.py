@@ -18,7 +18,7 @@ CERTAIN = 2.6  # standard errors, 99 %
 LEAST_SCANS, LEAST_CLAIMS, LAST_SCANS = 5, 20, 10
 FACTOR = 3.0  # by which a clutter density may be off
 SMALLEST_SHARE = 0.2  # of the errors that were told, within which plots may lie
-SAME = 0.05  # squared Mahalanobis distance of two tracks that coincide
+SAME = 1.0  # squared Mahalanobis distance below which two tracks are one; two targets have 4
 
 READINGS = {  # of plots z and start states x
     "the plots look like kilometres": lambda z, x: (1e3 * z, x),

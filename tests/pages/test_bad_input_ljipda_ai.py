@@ -15,6 +15,7 @@ SETUP = page.Setup(X, np.diag([400.0, 9, 400, 9]), F, Q, 8.0, 0.15, 0.9, 1e-5, s
 SCANS = [np.column_stack([X[:, ::2] + 2 * k * X[:, 1::2], [9.0, 9.0]]) for k in range(6)]
 BARE = [scan[:, :2] for scan in SCANS]
 STATE = page.start(SETUP)
+PLOTS = page.simulate(page.Scenario(clutter=1e-9), np.random.default_rng(0))
 
 
 def spoiled(value, column=2):
@@ -142,6 +143,12 @@ CASES = [
     (step(state=last({"existence": np.array([0.5, 1.5])})), r"^state\.existence\[1\]: 1.5 is not"),
     (step(state=last({"P": -STATE.P})), r"^state\.P\[0\]: singular or not positive"),
     (step(state=last({"k": 1.5})), r"^state\.k: 1.5 is no integer"),
+    # simulated plots
+    (
+        lambda: page.step(last({"k": 99}), PLOTS, SETUP, "JIPDA"),
+        "^scan: the plots end at scan 99, where the state is; give more$",
+    ),
+    (lambda: page.run(PLOTS, SETUP, state=last({"k": 99})), "^scans: 0 given; give at least 1$"),
     # a Scenario
     (scenario(clutter=-1e-5), r"^Scenario\.clutter: -1e-05; give a number in \(0, inf\)$"),
     (scenario(clutter=math.nan), r"^Scenario\.clutter: nan;"),

@@ -574,9 +574,12 @@ def test_run_is_the_loop_of_its_steps_bit_for_bit(method):
         for ours, theirs in zip((*state[:3], beta), result[:4], strict=True):
             np.testing.assert_array_equal(ours, theirs[k])
     assert state.k == result.state.k == 28
-    x, existence = page.states(scans, setup, method)
-    np.testing.assert_array_equal(x, result.x)
-    np.testing.assert_array_equal(existence, result.existence)
+    full = [*scans[:4], scans[3], *scans[5:]]
+    for given in (scans, full):
+        x, existence = page.states(given, setup, method)
+        result = page.run(given, setup, method=method)
+        np.testing.assert_array_equal(x, result.x)
+        np.testing.assert_array_equal(existence, result.existence)
 
 
 def test_steps_over_simulated_plots_are_the_loop_of_the_experiments_bit_for_bit():
