@@ -651,6 +651,10 @@ def test_accuracies_that_are_those_of_the_setup_change_nothing():
         np.testing.assert_allclose(found.x, known.x, rtol=1e-8)
         np.testing.assert_allclose(found.P, known.P, rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(found.existence, known.existence, rtol=1e-8)
+    guess = [replace(SETUP, clutter="estimate", sigma_r=sigma_r) for sigma_r in (8.0, 25.0)]
+    known = page.run(SCANS, guess[0], method="LM-AI")
+    found = page.run(SCANS, guess[1], method="LM-AI", accuracy=each)
+    np.testing.assert_allclose(found.existence, known.existence, rtol=1e-8)
 
 
 def test_plots_with_accuracies_of_their_own_are_a_mixture_of_kalman_updates():
@@ -815,6 +819,13 @@ def test_tracks_that_coincide_are_named():
     same = replace(SETUP, x=SETUP.x[[0, 0]] + [[0, 0, 1, 0], [0, 0, -1, 0]], clutter="estimate")
     said, _ = warned([scan[:1] for scan in two_boats(false=0)[1]], same, "LJIPDA")
     assert said.startswith("x: tracks 0 and 1 coincide in the last 10 scans; take one out")
+
+
+def test_detections_are_expected_before_the_scan():
+    seen = page.loop(SCANS, SETUP, "JIPDA")[1]
+    share = SETUP.p_detect * SETUP.p_gate * SETUP.p11 * SETUP.p_start
+    assert len(seen) == 29
+    assert seen[0].expected == pytest.approx(2 * share)
 
 
 def test_data_that_fit_are_not_named():
