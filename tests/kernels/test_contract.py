@@ -89,7 +89,8 @@ def numeric(value):
 
 def test_every_public_function_has_an_example():
     assert {f"{m}.{f}" for m in CHECKED for f in ABOUT[m].EXAMPLES} == set(FUNCTIONS)
-    for module in set(tbdcore.__all__) - {"begin", "page", "kernel", "jit", "checks", "scenario"}:
+    told = {"checks", "scenario", "gates"}  # they refuse, or look at what a chapter has checked
+    for module in set(tbdcore.__all__) - {"begin", "page", "kernel", "jit"} - told:
         assert module in CHECKED or not hasattr(getattr(tbdcore, module), "__all__"), module
 
 
