@@ -101,7 +101,7 @@ def rows():
             f"{T} tracks share {T + 2} plots",
             best(association.ljipda, *linear),
         )
-    for name in ("ipda", "visibility", "modulated", "prior_odds"):
+    for name in ("ipda", "visibility", "modulated_log_ratio", "prior_odds"):
         kernel, spec = getattr(association, name), getattr(association, f"{name}_spec")
         yield Row(
             f"association.{name}",

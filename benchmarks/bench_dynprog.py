@@ -17,26 +17,23 @@ from benchmarks.timing import Row, best, loop
 from tbdcore import dynprog
 
 K, GRID, M = 11, (50, 50), 3
-ONE, ASIDE = np.ones(1), np.array([0.95, 1.0, 0.95])
-WINDOW, SLACK = np.ones(2 * M + 1), np.array([0.0, 1.0, 1.0])
+EQUAL = np.array([0.95, 1.0, 0.95])
 LITERAL = np.array([[0.95 ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
-# family of kernels, weights, velocities, lowest velocity, longest step, looks per state and frame
-SETS = {
-    "conventional": ("box", (WINDOW,), 1, 0, M, 12),
-    "Tonissen": ("box", (SLACK,), 2 * M, 1 - M, M + 1, 4),
-    "weighted": ("weighted", (ASIDE, ASIDE), 2 * M, 1 - M, M + 1, 12),
-    "weighted, literal": ("coupled", (LITERAL,), 2 * M, 1 - M, M + 1, 18),
-    "penalised": ("penalised", (1 - ASIDE, 1 - ASIDE), 2 * M, 1 - M, M + 1, 12),
+SPEEDS = (1 - M, M)
+SETS = {  # transition, looks per state and frame
+    "conventional": (dynprog.box_transition(np.ones(2 * M + 1), (0, 0), M), 12),
+    "Tonissen": (dynprog.box_transition([0, 1, 1], SPEEDS, M + 1), 4),
+    "weighted": (dynprog.weighted_transition(EQUAL, EQUAL, SPEEDS, M + 1), 12),
+    "weighted, literal": (dynprog.coupled_transition(LITERAL, SPEEDS, M + 1), 18),
+    "penalised": (dynprog.penalised_transition(1 - EQUAL, 1 - EQUAL, SPEEDS, M + 1), 12),
 }
 ASKED = {"conventional": 60e-6, "Tonissen": 1.3e-3, "weighted": 3e-3}  # seconds of a whole trial
 
 
-def trial(frames, forward, path, weights, back, I, lowest_velocity, reach):
-    """One trial into the workspace I: margin, forward pass, largest final state, path."""
-    z = dynprog.margin(frames, reach)
-    forward(z, *weights, lowest_velocity, reach, I, np.full_like(z, np.nan))
-    last = np.unravel_index(I[-1].argmax(), I[-1].shape)
-    return path(I, last, *back, lowest_velocity)
+def trial(frames, forward, path, transition):
+    """One trial: margin, forward pass, largest final state, path."""
+    I = forward(dynprog.margin(frames, transition.setting[0]), transition).values
+    return path(I, np.unravel_index(I[-1].argmax(), I[-1].shape), transition)
 
 
 def seconds_per_look():
@@ -44,13 +41,13 @@ def seconds_per_look():
     cache.
     """
     looked, out = np.random.default_rng(0).normal(size=2400), np.empty(800)
-    return best(repeated_top, out, looked, 1000) / (1000 * looked.size)
+    return best(repeated_maximum, out, looked, 1000) / (1000 * looked.size)
 
 
 @loop
-def repeated_top(out, looked, times):
+def repeated_maximum(out, looked, times):
     for _ in range(times):
-        dynprog._top(out, 0, looked, (0, 800, 1600), 800, out[:0], 0)
+        dynprog._largest(out, 0, looked, (0, 800, 1600), 800, out[:0], 0)
 
 
 def filters(z):
@@ -64,25 +61,15 @@ def filters(z):
 def rows():
     frames = np.random.default_rng(1).normal(size=(K, *GRID))
     look = seconds_per_look()
-    for name, (family, weights, V, lowest_velocity, reach, looks) in SETS.items():
-        I = np.empty((K, V, V, *(n + 2 * reach for n in GRID)))
-        forward, path = f"{family}_forward", f"{family.replace('box', 'weighted')}_path"
-        path_weights = weights if family != "box" else (*weights, ONE)
-        arguments = weights, path_weights, I, lowest_velocity, reach
-        seconds = best(trial, frames, getattr(dynprog, forward), getattr(dynprog, path), *arguments)
-        spec = best(
-            trial,
-            frames,
-            getattr(dynprog, f"{forward}_spec"),
-            getattr(dynprog, f"{path}_spec"),
-            *arguments,
-            repeat=1,
-        )
-        limit = looks * V * V * GRID[0] * GRID[1] * (K - 1) * look
-        peer = (
-            ("scipy maximum_filter", best(filters, frames))
-            if name == "conventional"
-            else ("", None)
-        )
-        work = f"trial of {K} frames, {V * V * GRID[0] * GRID[1]} states"
-        yield Row(f"dynprog.{forward} ({name})", work, seconds, spec, limit, *peer, ASKED.get(name))
+    for name, (transition, looks) in SETS.items():
+        seconds = best(trial, frames, dynprog.forward, dynprog.path, transition)
+        plain = dynprog.forward_spec, dynprog.path_spec
+        spec = best(trial, frames, *plain, transition, repeat=1)
+        _, lowest, highest = transition.setting[:3]
+        states = (highest - lowest + 1) ** 2 * GRID[0] * GRID[1]
+        limit = looks * states * (K - 1) * look
+        peer = ("", None)
+        if name == "conventional":
+            peer = "scipy maximum_filter", best(filters, frames)
+        work = f"trial of {K} frames, {states} states"
+        yield Row(f"dynprog.forward ({name})", work, seconds, spec, limit, *peer, ASKED.get(name))

@@ -153,20 +153,19 @@ FAULTS = {
 ONE_LAW = {"spread, dB": "gaussian", "Student, freedom": "gaussian", "K, nu": "exponential"}
 
 
-def false_01(n):
-    """Share of blocks with a path above the threshold for white noise, as a function of blocks."""
+def false_01(white):
+    """Share of blocks with a path above the threshold of these blocks of white noise."""
     page = tbdcore.page("dp_tbd")
-    p, rng = page.Params(), np.random.default_rng(7)
-    white = (noise.gaussian((p.K, *p.grid), rng) for _ in range(4 * n))
+    p = page.Params()
     told = recording.threshold(peaks(page, p, white), 0.05)
     return lambda frames: (peaks(page, p, frames) > told.value).mean()
 
 
-def false_02(n):
+def false_02(white):
     """Share of frames that are declared."""
     page = tbdcore.page("mm_pf_tbd")
     p = page.Params()
-    streams = [np.random.default_rng([i, 2]) for i in range(n)]
+    streams = [np.random.default_rng([i, 2]) for i in range(len(white))]
     return lambda frames: np.mean(
         [
             page.run(p.scene.noise * z, p, rng).declared
@@ -175,11 +174,11 @@ def false_02(n):
     )
 
 
-def false_03(n):
+def false_03(white):
     """Share of frames in which the existence is above one half."""
     page = tbdcore.page("mda_tbd")
     p = page.scenario(64, 48, 5.0, 0.01, 2000.0, sd_r=1.0, sd_a=1.5)
-    streams = [np.random.default_rng([i, 2]) for i in range(n)]
+    streams = [np.random.default_rng([i, 2]) for i in range(len(white))]
     return lambda frames: np.mean(
         [page.recursion(z, p, rng).existence > 0.5 for z, rng in zip(frames, streams, strict=True)]
     )
@@ -189,11 +188,11 @@ def doubling(n):
     """What the false alarms become under conditions of several sizes."""
     for chapter, false in (("01", false_01), ("02", false_02), ("03", false_03)):
         law, shape = SHAPES[chapter]
-        rate = false(n)
-        white = [noise.gaussian(shape, np.random.default_rng([i, 1])) for i in range(n)]
-        print(
-            f"\nfalse alarms of chapter {chapter}; clean: {rate([by_law(law, z) for z in white]):.4f}"
-        )
+        many = range(10 * n if chapter == "01" else n)  # of a decision per block, not per frame
+        white = [noise.gaussian(shape, np.random.default_rng([i, 1])) for i in many]
+        rate = false(white)
+        clean = rate([by_law(law, z) for z in white])
+        print(f"\nfalse alarms of chapter {chapter}; clean: {clean:.4f}")
         for name, (fault, sizes) in FAULTS.items():
             if ONE_LAW.get(name, law) == law:
                 row = [f"{x:g}: {rate([fault(law, z, x) for z in white]):.4f}" for x in sizes]

@@ -30,16 +30,19 @@ def sweep(paper):
 def counts(tables):
     """For each judged claim the number of seeds and of each verdict, papers one after the other."""
     every = pd.concat(tables, names=["paper"]).reset_index("paper")
-    every = every[every["verdict"].isin(claims.VERDICTS[:3])]
+    every = every[every["verdict"].isin(claims.JUDGED)]
     found = pd.get_dummies(every["verdict"], dtype=int)
-    found = found.reindex(columns=claims.VERDICTS[:3], fill_value=0)
+    found = found.reindex(columns=claims.JUDGED, fill_value=0)
     found = found.groupby([every["paper"], every["claim"]], sort=False).sum()
     found.insert(0, "seeds", found.sum(axis=1))
     return found.reset_index()
 
 
 def together(tables):
-    """For each number its verdict on all trials of all seeds; rows (paper, claim, together)."""
+    """For each number its verdict on all trials of all seeds; rows (paper, claim, together).
+
+    Without one that depends on a reading: the other options are not in the tables.
+    """
     found = []
     for paper, table in tables.items():
         ledger = claims.Ledger(paper, strict=False)
@@ -47,9 +50,9 @@ def together(tables):
         for id, rows in table[table["claim"].isin(numbers)].groupby("claim", sort=False):
             texts = rows[["measured", "se", "n"]]
             m, se, n = texts.apply(pd.to_numeric, errors="coerce").to_numpy().T
-            if np.isfinite(m + se + n).all():
+            if np.isfinite(m + se + n).all() and "depends" not in set(rows["verdict"]):
                 error = np.sqrt((se**2).sum()) / len(se)
-                verdict = ledger.check(id, m.mean(), se=error, n=n.sum()).verdict
+                verdict = ledger.judged(ledger.claims[id], m.mean(), error, n.sum()).verdict
                 found.append((paper, id, verdict))
     return pd.DataFrame(found, columns=["paper", "claim", "together"])
 

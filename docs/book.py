@@ -166,7 +166,7 @@ def claim_row(chapter, row, figures):
     """One row of the table of claims."""
     about, word = chapter.claims[row.id], row.evidence.partition(" ")
     more = {name: getattr(about, name) for name in ("conditions", "where", "rule")}
-    more |= {"repeats": word[2], "cause": row.cause}
+    more |= {"repeats": word[2], "readings": row.readings, "cause": row.cause}
     more |= {"seeds": f"{row.seeds:.0%} give this verdict"} if row.seeds == row.seeds else {}
     more |= {"seeds together": row.together} if isinstance(row.together, str) else {}
     more = "<br>".join(f"<b>{name}</b> {html.escape(text)}" for name, text in more.items() if text)
@@ -223,12 +223,14 @@ def figures_page(text, chapters):
     """figures/README.md with an anchor and a link into the chapter for each product."""
     text = re.sub(r"\[md\]\(([^)]*)\)", r"{download}`md <\1>`", text)  # a file, not a page
     first, *parts = re.split(r"^(?=### )", text, flags=re.MULTILINE)
+    retired = cite.retired()
     for part in parts:
         id = part.split()[1]
         paper, _, name = id.partition("/")
         title, _, rest = linked(part, chapters, paper).partition("\n")
-        link = f'<a href="../{chapters[paper].link(name)}">In the chapter</a>'
-        first += f'<span id="{id}"></span>\n\n{title}\n\n{link}\n{rest}'
+        link = f'<a href="../{chapters[paper].link(name)}">In the chapter</a>\n'
+        link = "" if id in retired else link
+        first += f'<span id="{id}"></span>\n\n{title}\n\n{link}{rest}'
     return first
 
 

@@ -1,16 +1,13 @@
 """Settings of Sphinx for the book, which ``book.py`` builds."""
 
-import importlib
+import inspect
 import io
-import pkgutil
 import re
 import textwrap
 from importlib.util import find_spec
 from pathlib import Path
 
 from docutils.core import publish_doctree
-
-import tbdcore
 
 project = "tbdcore"
 author = "the tbdcore authors"
@@ -44,12 +41,11 @@ html_show_search_summary = False  # it would fetch other pages, which a browser 
 html_copy_source = False
 
 
-def show_functions():
-    """Put the function behind a kernel in the kernel's place: autodoc knows functions."""
-    for module in pkgutil.iter_modules(tbdcore.__path__, "tbdcore."):
-        if not module.ispkg:
-            names = vars(importlib.import_module(module.name))
-            names.update({k: v.py_func for k, v in names.items() if hasattr(v, "py_func")})
+def with_rules(app, what, name, obj, options, signature, return_annotation):
+    """The signature as help() shows it: for each argument its rule."""
+    if what == "function":
+        arguments, arrow, returned = str(inspect.signature(obj)).partition(" -> ")
+        return arguments, returned or None
 
 
 def as_written(app, what, name, obj, options, lines):
@@ -65,5 +61,5 @@ def as_written(app, what, name, obj, options, lines):
 
 
 def setup(app):
-    show_functions()
+    app.connect("autodoc-process-signature", with_rules)
     app.connect("autodoc-process-docstring", as_written)

@@ -16,7 +16,7 @@ from pkgutil import iter_modules
 from tbdcore.jit import kernel
 
 __version__ = "1.0.0"
-_MODULES = [module.name for module in iter_modules(__path__) if not module.ispkg]
+_MODULES = [it.name for it in iter_modules(__path__) if not it.ispkg and it.name[0] != "_"]
 __all__ = ["begin", "kernel", "page", *_MODULES]
 
 

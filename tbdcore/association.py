@@ -15,61 +15,71 @@ and every associator here has the same form, (log_ratio, existence, detect) -> (
 ``ipda``       each track alone, as if all other plots were clutter (Musicki, Evans and Stankovic
                1994); exact for one track
 ``jipda``      exact marginals over all joint events (Musicki and Evans 2004), O(M T 2^T)
-``ljipda``     each track alone, plots discounted by their *visibility* (the paper), O(M T)
-``modulated``  each track alone, the other tracks added to the clutter density (Musicki and La Scala
-               2008), O(M T)
+``ljipda``     each track alone, plots discounted by their *visibility* (Zhang et al.), O(M T)
+LM-IPDA        ``ipda`` of ``modulated_log_ratio``, each track alone, the other tracks added to the
+               clutter density (Musicki and La Scala 2008), O(M T)
 
-``jipda`` lists no events.  For a subset A of tracks, F_m(A) is the summed weight of all ways in
-which the first m plots use exactly the tracks of A: F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m]
+Zhang et al. is Zhang, Wang and Niu, "A linear tracking method of sea radar based on the amplitude
+information".
+
+``jipda`` lists no events.  It is dynamic programming over subsets (Held and Karp 1962), forwards
+and backwards like the forward-backward algorithm (Rabiner 1989): the plots are the steps, the set
+of tracks that have been used is the state.  For a subset A of tracks, F_m(A) is the summed weight
+of all ways in which the first m plots use exactly these: F_m(A) = F_{m-1}(A) + sum_{t in A} w[t, m]
 F_{m-1}(A - t).  B_m(A), the same backwards, completes the scan when A is used up, and the marginal
 of (t, m) is w[t, m] sum_{A without t} F_{m-1}(A) B_m(A + t) / B_0(empty).  Weights stay logarithms
 until the dual variables of the best single assignment have been added; then every factor is at most
-one, the best joint event weighs exactly one, and nothing overflows.
+one, the best joint event weighs exactly one, and nothing overflows.  The assignment is found by the
+Hungarian method with shortest augmenting paths (Jonker and Volgenant 1987).
 
-Valid are float arrays with existence and detect in [0, 1] and log ratios of at most 1e9, or -inf;
-anything else is a ValueError, and so is a certain track (both 1) without a plot.  Zero tracks and
-zero plots are valid.  A track impossible after the scan gets existence 0 and beta[t, 0] = 1.
+Valid are existence and detect in [0, 1] and log ratios of at most 1e9, or -inf; anything else, NaN
+too, is a ValueError, and so is a certain track (both 1) without a plot.  Zero tracks and zero plots
+are valid.  A track impossible after the scan gets existence 0 and beta[t, 0] = 1.
 """
 
 import itertools
 import math
+from typing import Annotated
 
 import numpy as np
 
+from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked
 from tbdcore.jit import kernel
 
+__all__ = ["MAX_TRACKS", "gate", "ipda", "jipda", "ljipda", "modulated_log_ratio", "prior_odds"]
+__all__ += ["visibility"]
+
 MAX_TRACKS = 16  # tracks in one joint association: 2^16 subsets per plot, 0.5 MB a plot
+LogRatio = Annotated[ArrayLike, Numbers("T", "M", low=-math.inf, high=1e9)]
+Existence = Annotated[ArrayLike, Numbers("T", low=0.0, high=1.0 + 1e-9)]
+Detection = Annotated[ArrayLike, Numbers("T", low=0.0, high=1.0)]
+Positive = np.finfo(float).tiny
+Result = tuple[Array, Array]
 
 
+@checked
 @kernel
-def _check(T, existence, detect):
-    """Raise ValueError unless there are two probabilities for each of T tracks."""
-    if existence.size != T or detect.size != T:
-        raise ValueError("association: give one existence and one detect value for each track")
-    for t in range(T):
-        if not (0.0 <= existence[t] <= 1.0 + 1e-9 and 0.0 <= detect[t] <= 1.0):
-            raise ValueError("association: existence or detect is not in [0, 1]; correct it")
-
-
-@kernel
-def gate(z, zhat, S, gamma, p_gate):
+def gate(
+    z: Annotated[ArrayLike, Numbers("M", 2, low=-math.inf, high=math.inf)],
+    zhat: Annotated[ArrayLike, Numbers("T", 2)],
+    S: Annotated[ArrayLike, Numbers("T", 2, 2)],
+    gamma: Annotated[float, Number(Positive)],
+    p_gate: Annotated[float, Number(Positive, 1.0)],
+) -> Result:
     """The plots inside at least one gate, and the log density of each track at these plots.
 
     ``z`` (M, 2) plots in m, ``zhat`` (T, 2) predicted, ``S`` (T, 2, 2) innovation covariances in
-    m^2, ``gamma`` the gate on the squared Mahalanobis distance, ``p_gate`` its probability.  Gives
-    ``picked`` (C,), increasing indices into ``z``, and ``log_density`` (T, C), ln of N(z; zhat, S)
-    / p_gate, eq. (21), -inf outside the track's own gate.
+    m^2, ``gamma`` the gate on the squared Mahalanobis distance, ``p_gate`` its probability.  A plot
+    at infinity is outside.  Gives ``picked`` (C,), increasing indices into ``z``, and
+    ``log_density`` (T, C), ln of N(z; zhat, S) / p_gate, eq. (21) of Zhang et al., -inf outside the
+    track's own gate.
     """
-    M, T, shapes = z.size // 2, zhat.size // 2, z.shape + zhat.shape + S.shape
-    if z.ndim != 2 or zhat.ndim != 2 or S.ndim != 3 or shapes != (M, 2, T, 2, T, 2, 2):
-        raise ValueError("association.gate: give plots (M, 2), predictions (T, 2), S (T, 2, 2)")
-    if not (0.0 < gamma < np.inf and 0.0 < p_gate <= 1.0):
-        raise ValueError("association.gate: gamma must be positive and p_gate in (0, 1]")
+    M, T = len(z), len(zhat)
     for t in range(T):
-        det, skew = S[t, 0, 0] * S[t, 1, 1] - S[t, 0, 1] * S[t, 1, 0], S[t, 0, 1] - S[t, 1, 0]
-        trace = S[t, 0, 0] + S[t, 1, 1]
+        det = S[t, 0, 0] * S[t, 1, 1] - S[t, 0, 1] * S[t, 1, 0]
+        trace, skew = S[t, 0, 0] + S[t, 1, 1], S[t, 0, 1] - S[t, 1, 0]
         if not (0.0 < p_gate * det < np.inf and trace > 0.0 and abs(skew) <= 1e-9 * trace):
-            raise ValueError("association.gate: a covariance is not positive definite; correct it")
+            raise ValueError("association.gate: a covariance S is not positive definite")
     picked, log_p, count = np.empty(M, np.int64), np.empty((T, M)), 0
     for m in range(M):
         hit = False
@@ -101,17 +111,17 @@ def gate_spec(z, zhat, S, gamma, p_gate):
     return picked, log_p[:, picked]
 
 
+@checked
 @kernel
-def ipda(log_ratio, existence, detect):
-    """Integrated PDA of each track alone: eqs. (18) and (22) to (24) with every visibility one.
+def ipda(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Result:
+    """Integrated PDA of each track alone (Musicki, Evans and Stankovic 1994).
+
+    Eqs. (18) and (22) to (24) of Zhang et al. with every visibility one.
 
     ``log_ratio`` (T, M), ``existence`` (T,) predicted probabilities, ``detect`` (T,) = P_D P_W.
     Returns beta (T, M + 1) and the posterior existence (T,).
     """
-    if log_ratio.ndim != 2:
-        raise ValueError("association.ipda: log_ratio has one row per track, one column per plot")
     T, M = log_ratio.shape
-    _check(T, existence, detect)
     beta, posterior = np.empty((T, M + 1)), np.empty(T)
     for t in range(T):
         miss, hit = math.log(1.0 - detect[t]), math.log(detect[t])
@@ -130,7 +140,7 @@ def ipda(log_ratio, existence, detect):
             beta[t, m + 1] = 0.0 if l == -np.inf else math.exp(hit + l - top)
             total += beta[t, m + 1]
         if not total < np.inf:
-            raise ValueError("association.ipda: a log ratio is NaN or infinite; correct it")
+            raise ValueError("association.ipda: log_ratio is NaN or infinite; correct it")
         for m in range(M + 1):
             beta[t, m] /= total
         dead = max(1.0 - existence[t], 0.0) * math.exp(min(-top, 700.0))
@@ -140,7 +150,7 @@ def ipda(log_ratio, existence, detect):
 
 
 def ipda_spec(log_ratio, existence, detect):
-    """Eqs. (18), (22), (23), (24) as printed, with P_V = 1."""
+    """Eqs. (18), (22), (23), (24) of Zhang et al. as printed, with P_V = 1."""
     L = np.exp(log_ratio)
     delta = detect * (1 - L.sum(axis=1))
     posterior = (1 - delta) * existence / (1 - delta * existence)
@@ -149,31 +159,26 @@ def ipda_spec(log_ratio, existence, detect):
     return beta / beta.sum(axis=1, keepdims=True), posterior
 
 
+@checked
 @kernel
-def prior_odds(log_ratio, existence, detect):
-    """Odds P_m^t / (1 - P_m^t) of the prior (12), shape (T, M), zero outside the gate.
+def prior_odds(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Array:
+    """Odds P_m^t / (1 - P_m^t) (T, M) of the prior (12) of Zhang et al., zero outside the gate.
 
     The prior shares D^t P^t among the plots of the gate in proportion to their densities.  Raises
     ValueError where a certain track has a single plot, whose odds are infinite.
     """
-    if log_ratio.ndim != 2:
-        raise ValueError("association: log_ratio has one row per track and one column per plot")
     T, M = log_ratio.shape
-    _check(T, existence, detect)
     odds = np.zeros((T, M))
     for t in range(T):
-        top, total, valid = -np.inf, 0.0, 0
+        top, total = -np.inf, 0.0
         for m in range(M):
             top = max(top, log_ratio[t, m])
-            valid += log_ratio[t, m] <= 1e9
-        if valid < M:
-            raise ValueError("association: a log ratio is NaN or above 1e9; correct it")
         for m in range(M):
             if log_ratio[t, m] > -np.inf:
                 odds[t, m] = math.exp(log_ratio[t, m] - top)
                 total += odds[t, m]
         if detect[t] * existence[t] >= total > 0.0:
-            raise ValueError("association: the prior (12) of a plot is 1; lower existence")
+            raise ValueError("association: the prior of a plot is 1; lower existence")
         for m in range(M):
             if odds[t, m] > 0.0:
                 prior = detect[t] * existence[t] * odds[t, m] / total
@@ -182,21 +187,21 @@ def prior_odds(log_ratio, existence, detect):
 
 
 def prior_odds_spec(log_ratio, existence, detect):
-    """Eq. (12) as printed."""
+    """Eq. (12) of Zhang et al. as printed."""
     p = np.exp(log_ratio)
     share = np.divide(p, p.sum(axis=1, keepdims=True), out=np.zeros_like(p), where=p > 0)
     prior = (detect * existence)[:, None] * share
     return prior / (1 - prior)
 
 
+@checked
 @kernel
-def visibility(log_ratio, existence, detect):
-    """Probability (T, M) that plot m does not come from a track other than t: eqs. (12) to (16).
+def visibility(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Array:
+    """Probability (T, M) that plot m does not come from a track other than t.
 
-    (14) and (15) condition the independent priors (12) on at most one track per plot.
+    Eqs. (12) to (16) of Zhang et al.; (14) and (15) condition the independent priors (12) on at
+    most one track per plot.
     """
-    if log_ratio.ndim != 2:
-        raise ValueError("association: log_ratio has one row per track and one column per plot")
     odds = prior_odds(log_ratio, existence, detect)
     visible = np.empty(odds.shape)
     for m in range(odds.shape[1]):
@@ -209,21 +214,20 @@ def visibility(log_ratio, existence, detect):
 
 
 def visibility_spec(log_ratio, existence, detect):
-    """Eqs. (14) and (16) as printed, on the prior (12)."""
+    """Eqs. (14) and (16) of Zhang et al. as printed, on the prior (12)."""
     odds = prior_odds_spec(log_ratio, existence, detect)
     source = odds / (1 + odds.sum(axis=0))  # (14)
     return 1 - (source.sum(axis=0) - source)  # (16)
 
 
+@checked
 @kernel
-def modulated(log_ratio, existence, detect):
+def modulated_log_ratio(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Array:
     """ln p^t - ln Omega^t (T, M), Omega^t(z) = lambda + sum_{j != t} p^j(z) P_m^j / (1 - P_m^j).
 
-    Musicki and La Scala (2008), eq. (16), with the prior (12).  ``ipda(modulated(l, P, D), P, D)``
-    is LM-IPDA.
+    Eq. (16) of Musicki and La Scala (2008), with the prior (12) of Zhang et al.  ``ipda`` of it is
+    LM-IPDA.
     """
-    if log_ratio.ndim != 2:
-        raise ValueError("association: log_ratio has one row per track and one column per plot")
     odds = prior_odds(log_ratio, existence, detect)
     T, M = odds.shape
     out, extra = np.empty((T, M)), np.empty(T)
@@ -253,23 +257,27 @@ def _log_density_sum(extra, without):
     return top + math.log(total + math.exp(-top))
 
 
-def modulated_spec(log_ratio, existence, detect):
+def modulated_log_ratio_spec(log_ratio, existence, detect):
     """The density Omega / lambda, dense."""
     others = np.exp(log_ratio) * prior_odds_spec(log_ratio, existence, detect)
     omega = [1 + np.delete(others, t, axis=0).sum(axis=0) for t in range(len(others))]
     return log_ratio - np.log(np.reshape(omega, log_ratio.shape))
 
 
+@checked
 @kernel
-def ljipda(log_ratio, log_amplitude, existence, detect):
-    """LJIPDA-AI, eqs. (12) to (24) of the paper; with ``log_amplitude`` zero it is LJIPDA.
+def ljipda(
+    log_ratio: LogRatio,
+    log_amplitude: Annotated[ArrayLike, Numbers("T", "M")],
+    existence: Existence,
+    detect: Detection,
+) -> Result:
+    """LJIPDA-AI, eqs. (12) to (24) of Zhang et al.; with ``log_amplitude`` zero it is LJIPDA.
 
     ``log_ratio`` (T, M) = ln p - ln lambda is kinematic and alone sets the visibility;
     ``log_amplitude`` (T, M) = ln Lambda multiplies the density afterwards, in (18) and (23) only.
     Returns beta (T, M + 1) and the posterior existence (T,).
     """
-    if log_ratio.ndim != 2 or log_amplitude.ndim != 2 or log_amplitude.shape != log_ratio.shape:
-        raise ValueError("association.ljipda: log_ratio and log_amplitude have one shape, (T, M)")
     visible = visibility(log_ratio, existence, detect)
     T, M = visible.shape
     for t in range(T):
@@ -279,7 +287,7 @@ def ljipda(log_ratio, log_amplitude, existence, detect):
 
 
 def ljipda_spec(log_ratio, log_amplitude, existence, detect):
-    """Eqs. (18), (19), (22) to (24) as printed, on the visibility of (16)."""
+    """Eqs. (18), (19), (22) to (24) of Zhang et al. as printed, on the visibility of (16)."""
     visible = visibility_spec(log_ratio, existence, detect)
     p_hat = np.exp(log_ratio) * np.exp(log_amplitude)  # (19), in units of lambda = n_hat / V
     delta = detect * (1 - (visible * p_hat).sum(axis=1))  # (18)
@@ -292,8 +300,10 @@ def ljipda_spec(log_ratio, log_amplitude, existence, detect):
 def _potentials(log_w, log_miss):
     """Dual variables (a, v) of the best joint event: log_w + a + v, log_miss + a and v are <= 0.
 
-    Shortest augmenting paths on the costs -log_w, with one private column per track for its miss.
-    Raises ValueError where no joint event is possible.
+    Shortest augmenting paths (Jonker and Volgenant 1987) on the costs -log_w, with one private
+    column per track for its miss.  a, v : potentials of tracks and of columns; row : the track of a
+    column; back : the column before it on the path; short : length of the path to it.  Raises
+    ValueError where no joint event is possible.
     """
     T, M = log_w.shape
     a, v = np.zeros(T), np.zeros(M + T + 1)  # the last column is the root of the search
@@ -331,8 +341,9 @@ def _potentials(log_w, log_miss):
 
 @kernel
 def _subset_marginals(w, miss, idle):
-    """Marginals (T, M + 1) of all joint events, column 0 the miss.
+    """Marginals (T, M + 1) of all joint events, column 0 the miss; see the head of this module.
 
+    ``ahead`` is F_m of the plot in hand, ``back`` is B_m; bit t of A says that track t is used.
     The factors ``w`` (T, M), ``miss`` (T,), ``idle`` (M,) are at most one.  ``back[m, A]`` sums the
     completions by the plots m, m + 1, ... when the tracks of A are used.
     """
@@ -375,17 +386,15 @@ def _subset_marginals(w, miss, idle):
     return out
 
 
+@checked
 @kernel
-def jipda(log_ratio, existence, detect):
+def jipda(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Result:
     """Joint integrated PDA, exact: the marginals over all joint events.  As ``ipda``.
 
     An event weighs prod_{t missed} (1 - D^t P^t) prod_{(t, m)} D^t P^t exp(l[t, m]); given a miss
     the target exists with probability (1 - D) P / (1 - D P).  The limits are MAX_TRACKS and 1 GB.
     """
-    if log_ratio.ndim != 2:
-        raise ValueError("association.jipda: log_ratio has one row per track, one column per plot")
     T, M = log_ratio.shape
-    _check(T, existence, detect)
     if T > MAX_TRACKS or (M + 1) << T > 1 << 27:
         raise ValueError("association.jipda: the limit is 16 tracks and 1 GB; split into clusters")
     log_w, log_miss = np.full((T, M), -np.inf), np.empty(T)
@@ -393,7 +402,7 @@ def jipda(log_ratio, existence, detect):
         log_miss[t] = math.log(max(1.0 - detect[t] * existence[t], 0.0))
         for m in range(M):
             if not (abs(log_ratio[t, m]) <= 1e9 or log_ratio[t, m] == -np.inf):
-                raise ValueError("association.jipda: a log ratio is NaN, above 1e9 or below -1e9")
+                raise ValueError("association.jipda: log_ratio is NaN, above 1e9 or below -1e9")
             if existence[t] > 0.0:
                 log_w[t, m] = math.log(detect[t] * existence[t]) + log_ratio[t, m]
     a, v = _potentials(log_w, log_miss)

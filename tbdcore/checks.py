@@ -20,15 +20,20 @@ import functools
 import inspect
 import operator
 from collections.abc import Callable
-from typing import Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 import numpy as np
 from numba import typeof
 
 from tbdcore.jit import kernel
 
-__all__ = ["Array", "Flag", "Integer", "Integers", "Number", "Numbers", "Random"]
-__all__ += ["array", "checked", "integer", "integers", "number", "numbers"]
+if TYPE_CHECKING:  # of an array by its rule, in the body of the function
+    ArrayLike: TypeAlias = Any
+else:
+    from numpy.typing import ArrayLike
+
+__all__ = ["Array", "ArrayLike", "Flag", "Integer", "Integers", "Number", "Numbers", "Random"]
+__all__ += ["Rule", "array", "checked", "integer", "integers", "number", "numbers"]
 
 MOST = float(np.finfo(float).max)
 _DOUBLE, _SINGLE, _INT = np.dtype(float), np.dtype(np.float32), np.dtype(np.int64)
@@ -52,10 +57,9 @@ def checked(function=None, *, inside=None):
     compiled = inside or (None if plain is function else function)
     signature = inspect.signature(plain)
     where = f"{plain.__module__}.{plain.__name__}".removeprefix("tbdcore.")
-    rules = [
-        (*getattr(p.annotation, "__metadata__", [_Unchecked()])[:1], f"{where}: {p.name}")
-        for p in signature.parameters.values()
-    ]
+    found = signature.parameters.values()
+    found = [p.replace(annotation=_rule_of(p.annotation)) for p in found]
+    rules = [(p.annotation, f"{where}: {p.name}") for p in found]
     limits = [(n, rule.limit, name) for n, (rule, name) in enumerate(rules) if rule.limited]
     known = set()  # types and shapes of calls that fit: what is left are the values
 
@@ -79,6 +83,7 @@ def checked(function=None, *, inside=None):
             known.add(kinds) if len(known) < 1000 else known.clear()
         return function(*fitting)
 
+    call.__signature__ = signature.replace(parameters=found)  # help shows the rules
     if compiled:
         call.stats, call._numba_type_ = compiled.stats, typeof(compiled)
     if function is not plain:
@@ -86,16 +91,31 @@ def checked(function=None, *, inside=None):
     return call
 
 
-class _Unchecked:
-    """The rule of an argument that the function checks itself."""
+class Rule:
+    """What an argument must be, which this one leaves to the function; applied by a call."""
 
-    limited = False
+    limited, about = False, ""
 
-    def __call__(self, name, value, sizes, compiled):
+    def __call__(self, name, value, sizes=None, compiled=None):
         return value
 
+    def __repr__(self):
+        return f"{type(self).__name__}({self.about})"
 
-class Numbers:
+
+def _rule_of(annotation):
+    return getattr(annotation, "__metadata__", [Rule()])[0]
+
+
+def _limits_of(low, high):
+    """Limits as they are written in a rule; nothing for finite numbers."""
+    if low is None:
+        return ["low=None"]
+    limits = [f"low={low:g}"] if low != -MOST else []
+    return limits if high in (MOST, 2**63, 2**63 - 1) else [*limits, f"high={high:g}"]
+
+
+class Numbers(Rule):
     """Rule: an array of real numbers in [low, high]; float64, or float32 where ``single``.
 
     low=None takes any value, infinity and NaN too; ``nan`` takes NaN beside [low, high].
@@ -107,7 +127,9 @@ class Numbers:
     def __init__(self, *shape, low=-MOST, high=MOST, nan=False, single=False, in_place=False):
         self.any_axes = shape[:1] == (...,)
         self.shape = [_size(size) for size in shape[self.any_axes :]]
-        self.words = ", ".join(map(str, shape)).replace("Ellipsis", "...") + "," * (len(shape) == 1)
+        sizes = ["..." if size is ... else str(size) for size in shape]
+        self.words = ", ".join(sizes) + "," * (len(shape) == 1)
+        self.about = ", ".join(sizes + _limits_of(low, high))
         self.low, self.high, self.nan = None if low is None else float(low), float(high), nan
         self.single, self.in_place, self.limited = single, in_place, low is not None
 
@@ -123,7 +145,10 @@ class Numbers:
         if len(found) != len(self.shape) or not self._fits(found, sizes):
             known = ", ".join(f"{k} = {v}" for k, v in sizes.items() if k in self.words)
             known = f" with {known}" if known else ""
-            raise ValueError(f"{name}: shape {a.shape} is not ({self.words}){known}; reshape it")
+            raise ValueError(
+                f"{name}: shape {a.shape} is not ({self.words}){known}; "
+                "reshape or transpose the array"
+            )
         if self.limited:
             self.limit(name, a)
         return a
@@ -183,13 +208,14 @@ def _size(size):
     return word, int(more) if sign else 0
 
 
-class Number:
+class Number(Rule):
     """Rule: a real number in [low, high]; a float."""
 
     limited = True
 
     def __init__(self, low=-MOST, high=MOST):
         self.low, self.high = low, high
+        self.about = ", ".join(_limits_of(low, high))
 
     def __call__(self, name, value, sizes=None, compiled=None):
         x = value
@@ -206,18 +232,18 @@ class Number:
             raise self._error(name, x)
 
     def _error(self, name, value):
+        return ValueError(f"{name}: {_short(value)} is no {self._wanted()}")
+
+    def _wanted(self):
         finite = self.high == -self.low == MOST
-        limits = "that is finite" if finite else f"in [{self.low:g}, {self.high:g}]"
-        return ValueError(f"{name}: {_short(value)} is no number {limits}")
+        return "number that is finite" if finite else f"number in [{self.low:g}, {self.high:g}]"
 
 
-class Integer:
+class Integer(Number):
     """Rule: an integer in [low, high]; an int."""
 
-    limited = True
-
     def __init__(self, low, high=2**63 - 1):
-        self.low, self.high = low, high
+        super().__init__(low, high)
 
     def __call__(self, name, value, sizes=None, compiled=None):
         try:
@@ -227,20 +253,13 @@ class Integer:
         self.limit(name, n)
         return n
 
-    def limit(self, name, n):
-        """ValueError unless n is in [low, high]."""
-        if not self.low <= n <= self.high:
-            raise self._error(name, n)
-
-    def _error(self, name, value):
+    def _wanted(self):
         most = "" if self.high == 2**63 - 1 else f" and at most {self.high}"
-        return ValueError(f"{name}: {_short(value)} is no integer of at least {self.low}{most}")
+        return f"integer of at least {self.low}{most}"
 
 
-class Flag:
+class Flag(Rule):
     """Rule: True or False."""
-
-    limited = False
 
     def __call__(self, name, value, sizes=None, compiled=None):
         if not isinstance(value, (bool, np.bool_)):
@@ -248,10 +267,8 @@ class Flag:
         return bool(value)
 
 
-class Random:
+class Random(Rule):
     """Rule: a numpy.random.Generator; None too where ``optional``."""
-
-    limited = False
 
     def __init__(self, optional=False):
         self.optional = optional

@@ -23,9 +23,8 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tbdcore.checks import Array, Integer, Number, Numbers, checked, numbers
+from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, checked, numbers
 from tbdcore.jit import kernel
 
 __all__ = ["GOLDEN", "TINY", "amplitude_ratio", "detection_probability", "false_plot"]

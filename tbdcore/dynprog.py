@@ -1,276 +1,235 @@
 """Max-product dynamic programming for track-before-detect: forward pass and back-trace.
 
-For each state of frame k only the best way to reach it is kept (Wan, Wang and Wu 2013, eqs. 4, 12,
-16):  I_k(x) = z_k(x) + max over predecessors x' of x of  g(x'|x) I_{k-1}(x')
+Source: Wan, Wang and Wu 2013, eqs. (4), (12), (16).  For each state of frame k only the best way to
+reach it is kept:  I_k(x) = z_k(x) + max over predecessors x' of x of  g(x'|x) I_{k-1}(x')
 
 A state is (iv, jv, i, j): two velocity indices and two cell indices.  Index iv is the velocity
-``lowest_velocity + iv`` in cells per frame; an algorithm without velocity has one index, of
-velocity 0.  The predecessors of a state have the velocity v' = v + r and the position i - v' + m:
-r is the change of velocity, m the position slack, and the same on the other axis.
+``lowest + iv`` in cells per frame; an algorithm without velocity has one index, of velocity 0.  The
+predecessors of a state have the velocity v' = v + r and the position i - v' + m: r is the change of
+velocity, m the position slack, and the same on the other axis.
 
-``position``, ``velocity`` are weights of the slacks: an odd number, the middle one for slack 0, and
-0 for a slack left out.  Conventional: ``ones(2M+1)``, one velocity.  Tonissen: ``(0, 1, 1)``, the
-velocity is kept.  State-weighted: ``(a, 1, a)``.
+position, velocity : weights of m and of r, an odd number, the middle one for 0; a weight of 0
+    leaves its slack out.  Conventional: ``ones(2 M + 1)`` and one velocity.  Tonissen:
+    ``(0, 1, 1)``, the velocity is kept.  State-weighted: ``(a, 1, a)``.
+velocities : (lowest, highest), in cells per frame.
+width : cells of -inf around the frames, see :func:`margin`; at least the longest step, which is the
+    fastest velocity plus the largest slack.
 
-A maximum over products with positive weights is separable: 81 predecessors cost 6 + 6 operations.
-A state that cannot be reached is -inf, and so is the margin of frames and value maps (``margin``),
-at least as wide as the longest step.  Maps have shape (V, V, X, Y) with X = Nx + 2 margins: a step
-along an axis is a shift of one contiguous array.  The maps of all frames are kept: for frames that
-differ in a few cells only the rows that these can reach are computed again.  The back-trace takes
-the argmax again, in the forward pass's order of operations, so that both agree to the last bit.
-Frames, maps and weights are contiguous arrays of one type, float32 or float64.
+A maximum over products with positive weights is separable: one axis after the other, and on each
+axis first the slack, then the change of velocity.  So 81 predecessors cost 6 + 6 operations.  The
+first axis of a plane is a step of Y values in memory, the second a step of one.  A state that
+cannot be reached is -inf.  The back-trace takes the argmax again, in the forward pass's order of
+operations, so that both agree to the last bit.
+
+Often the next frames differ from the last ones in a few cells, as when a target is added to the
+same noise.  Then a forward pass takes the maps of the last frames, and computes again only the rows
+that a changed cell can reach.
 """
 
-import functools
 import itertools
 import operator
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from numba.core.errors import NumbaError
+from numpy.typing import ArrayLike
 
-from tbdcore import checks
+from tbdcore.checks import Integer, Integers, Numbers, checked
 from tbdcore.jit import kernel
 
-TINY = np.finfo(np.float32).smallest_subnormal
-PIECE = 1920  # bytes of a plane that are treated together
+__all__ = ["Maps", "Transition", "box_transition", "coupled_transition", "forward", "margin"]
+__all__ += ["path", "penalised_transition", "weighted_transition"]
+
+PIECE = 3840  # bytes of a plane that are treated together: they stay in the first-level cache
+FAR = 1 << 40  # first row of an empty range, and minus its end
+
+Array = np.ndarray
+Weights = Annotated[ArrayLike, Numbers("2d+1", low=0.0, single=True)]
+Three = Annotated[ArrayLike, Numbers(3, low=0.0, single=True)]
+Prices = Annotated[ArrayLike, Numbers(3, low=0.0, high=np.inf, single=True)]
+Table = Annotated[ArrayLike, Numbers(3, 3, low=0.0, single=True)]
+Pair = Annotated[Sequence[int], Integers(2, low=-(2**31), high=2**31)]
+Width = Annotated[int, Integer(0, 2**31)]
+Block = Annotated[ArrayLike, Numbers("K", "Nx", "Ny", single=True)]
+Frames = Annotated[ArrayLike, Numbers("K", "X", "Y", low=None, single=True)]
+Values = Annotated[ArrayLike, Numbers("K", "V", "V", "X", "Y", low=None, single=True)]
 
 
-def margin(frames, width):
+@checked
+def margin(frames: Block, width: Width) -> Array:
     """Frames (K, Nx, Ny), all finite, with ``width`` cells of -inf around."""
-    frames = checks.reals("frames", frames, "K", "Nx", "Ny")
-    K, Nx, Ny, width = *frames.shape, checks.integer("width", width, 0)
-    if 0 in frames.shape:
-        raise ValueError(f"frames: shape {frames.shape}; stack them to (K, Nx, Ny), none empty")
-    framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
-    if _surround(np.ascontiguousarray(frames), width, framed):
-        at = np.argwhere(~np.isfinite(frames))[0].tolist()
-        raise ValueError(f"frames{at} is {frames[tuple(at)]}; replace it")
+    if frames.size == 0:
+        raise ValueError(f"margin: frames: shape {frames.shape}; give at least one cell")
+    K, Nx, Ny = frames.shape
+    framed = np.full((K, Nx + 2 * width, Ny + 2 * width), -np.inf, frames.dtype)
+    framed[:, width : width + Nx, width : width + Ny] = frames
     return framed
 
 
-@kernel
-def _surround(frames, width, framed):
-    """Copy frames into ``framed``; return how many cells are not finite: x - x is then NaN."""
-    (K, Nx, Ny), (_, X, Y), flat = frames.shape, framed.shape, framed.reshape(framed.size)
-    lost = end = 0
-    for k in range(K):
-        for i in range(Nx):
-            start = (k * X + width + i) * Y + width
-            flat[end:start] = -np.inf  # the margin between one row of cells and the next
-            cells, row, end = frames[k, i], flat[start:], start + Ny
-            for j in range(Ny):
-                row[j] = cells[j]
-                lost += cells[j] - cells[j] != 0
-    flat[end:] = -np.inf
-    return lost
+# Transitions: which states precede a state, and what each way costs
 
 
-def _one_type(compiled):
-    """The compiled function; arrays of several types or another layout are a ValueError."""
+class Transition(NamedTuple):
+    """The predecessors of a state on each axis; made by the four functions below.
 
-    @functools.wraps(compiled, updated=())
-    def call(first, *args):
-        try:
-            valid = first.dtype.char in "fd"
-            for a in args:
-                valid &= a.dtype is first.dtype if type(a) is np.ndarray else type(a) is not list
-            if valid:
-                return compiled(first, *args)
-        except (AttributeError, NumbaError, IndexError, OverflowError):
-            pass
-        words = "give contiguous arrays as documented, all float64 or all float32, whole numbers"
-        raise ValueError(f"{call.__name__}: {words}") from None
-
-    call.py_func = compiled.py_func
-    return call
-
-
-@kernel
-def _check_weights(weights, shape, least):
-    """Raise ValueError unless the odd number of weights is in [least, inf), the middle one > 0."""
-    n = weights.size
-    if weights.shape != shape or n % 2 == 0 or not weights.flat[n // 2] > 0:
-        raise ValueError("weights: give 2 d + 1, (3,) or (3, 3) weights, the middle one positive")
-    for weight in weights.flat:
-        if not least <= weight < np.inf:
-            raise ValueError("weights: must be finite and >= 0; use 0 for a slack left out")
-
-
-@kernel
-def _check_prices(position, velocity):
-    """Raise ValueError unless there are three prices each, the middle one finite."""
-    for price in (position, velocity):
-        if price.size != 3 or not (0 <= price[1] < np.inf and price[0] >= 0 and price[2] >= 0):
-            raise ValueError("position, velocity: give three prices each >= 0, the middle finite")
-
-
-@kernel
-def _begin(z, I, slack, lowest, reach, held):
-    """The first map, and the rows (K, 2), first and end, in which frames differ from ``held``.
-
-    ValueError unless the frames fit the maps and no step leaves the margin.
+    weights : (1, 2 d + 1) of the slacks, (2, 3) of slacks and changes, or a table (3, 3) of both
+    position, velocity : (n,) and (n, 2 c + 1), the same for the back-trace, NaN for what is left
+        out; velocity has a row for each slack
+    setting : width, lowest and highest velocity, whether the weights are prices, and the weights
     """
-    (K, V, W, X, Y), least = I.shape, min(z.shape[1], z.shape[2])
-    if not z.shape == held.shape == (K, X, Y) or V != W or I.size == 0:
-        raise ValueError("I: maps must be (K, V, V, X, Y) for frames (K, X, Y) in their margin")
-    if not (slack <= reach < (least + 1) // 2 and slack - reach <= lowest <= reach - slack - V + 1):
-        raise ValueError("reach: a step leaves the margin; use margin(frames, longest step)")
-    maps, frames, size = I.reshape(I.size), z.reshape(z.size), X * Y
-    rows = np.empty((K, 2), np.int64)
-    for k in range(K):
-        rows[k, 0], rows[k, 1] = I.size, -I.size  # none
-        for i in range(X):
-            new, old, n = z[k, i], held[k, i], 0
-            for j in range(Y):
-                n += new[j] != old[j]
-            if n > 0:
-                rows[k, 0], rows[k, 1] = min(rows[k, 0], i), i + 1
-        if rows[k, 0] == 0:
-            _close(maps, k * V * V * size, V * V, size, reach * Y)
-    first, n = _inside(rows[0, 0], rows[0, 1], reach, X)
-    for start in range(first * Y, V * V * size, size):  # eq. (14): a cell's value, always
-        _top(maps, start, frames, (first * Y, first * Y), n * Y, frames[:0], first)
-    return rows
+
+    weights: Array
+    position: Array
+    velocity: Array
+    setting: tuple[float, ...]
 
 
-@kernel
-def _inside(first, end, reach, X):
-    """The rows of a range that are not in the margin: the first one, and how many."""
-    first = min(max(first, reach), X - reach)
-    return first, max(min(end, X - reach) - first, 0)
+def _transition(name, weights, position, velocity, velocities, width, prices=False):
+    lowest, highest = velocities.tolist()
+    if weights.shape[1] % 2 == 0:
+        raise ValueError(f"{name}: position: {weights.shape[1]} slacks; give an odd number")
+    if lowest > highest:
+        raise ValueError(f"{name}: velocities: {lowest} is above {highest}")
+    longest = max(-lowest, highest) + weights.shape[1] // 2
+    if longest > width:
+        raise ValueError(f"{name}: width: {width} cells, but a step of {longest}; use a wider one")
+    setting = (width, lowest, highest, prices, *weights.shape, *weights.ravel().tolist())
+    return Transition(weights, position, velocity, setting)
 
 
-@kernel
-def _check_state(I, state, lowest):
-    """Raise ValueError unless state (iv, jv, i, j) is one of the maps I (K, V, V, X, Y)."""
-    if I.size == 0 or I.shape[1] != I.shape[2] or abs(lowest) > I.size:
-        raise ValueError("I: maps must be (K, V, V, X, Y), K at least 1")
-    for axis in range(4):
-        if len(state) != 4 or not 0 <= state[axis] < I.shape[axis + 1]:
-            raise ValueError("state: give four indices (iv, jv, i, j) into the maps")
+def _middle(name, *weights, left_out=0.0):
+    """ValueError if slack 0 or change 0 is left out."""
+    for argument, w in zip(("position", "velocity"), weights, strict=False):
+        if w.size and w[w.size // 2] == left_out:
+            raise ValueError(f"{name}: {argument}: the middle one is {left_out:g}; change it")
 
 
-# Loops over planes.  Arrays are flat and offsets unsigned: Numba counts references for each slice
-# and tests each signed index, which takes as long as the planes.  It compiles a literal apart.
+@checked
+def box_transition(position: Weights, velocities: Pair, width: Width) -> Transition:
+    """Wan et al. 2013, eqs. (4), (6), (7): the velocity is kept, each allowed slack counts alike.
 
-
-@kernel
-def _close(maps, start, planes, size, width):
-    """Set to -inf the first and the last ``width`` values of planes of ``size`` values."""
-    for plane in range(start, start + planes * size, size):
-        for edge in (np.uint64(plane), np.uint64(plane + size - width)):
-            for x in range(np.uint64(width)):
-                maps[edge + x] = -np.inf
-
-
-@kernel
-def _top(target, to, source, at, n, term, origin):
-    """target[to + x] = max of source[at[c] + x], two or three c, plus term[origin + x] if any."""
-    t, o, plus = np.uint64(to), np.uint64(origin), term.size > 0
-    i, j, k = np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[-1])
-    for x in range(np.uint64(n)):
-        best = source[i + x] if source[i + x] > source[j + x] else source[j + x]
-        if len(at) == 3:
-            best = best if best > source[k + x] else source[k + x]
-        target[t + x] = best + term[o + x] if plus else best
-
-
-@kernel
-def _window(target, to, source, at, step, count, n, term, origin, work):
-    """target[to + x] = max of source[at + x + c step], c = 0..count-1; term as in :func:`_top`.
-
-    Three maxima over ``width`` neighbours are one over up to 3 width: seven take two passes.
+    position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours
+    velocities : (lowest, highest), cells per frame
+    width : of the margin, at least d + the fastest velocity
     """
-    far, width, half, none = (count - 1) * step, step, work.size // 2, term[:0]
-    if count < 3:
-        _top(target, to, source, (at, at + far), n, term, origin)
-        return
-    while 3 * width <= far:
-        ends, wider = (at, at + width, at + 2 * width), n + far + step - 3 * width
-        _top(work, half, source, ends, wider, none, origin)
-        source, at, half, width = work, half, work.size // 2 - half, 3 * width
-    far += step - width
-    _top(target, to, source, (at, at + (far // step + 1) // 2 * step, at + far), n, term, origin)
+    _middle("box_transition", position)
+    slacks = np.flatnonzero(position)
+    if slacks.size and slacks[-1] - slacks[0] >= slacks.size:
+        raise ValueError("box_transition: position: the allowed slacks must be neighbours")
+    only = np.where(position > 0, position, np.nan)
+    velocity = np.ones((position.size, 1), position.dtype)
+    return _transition("box_transition", position[None], only, velocity, velocities, width)
 
 
-def _family(combine):
-    """Decorator of a kernel for mul or sub.  Numba's cache links by name: each needs its own."""
+@checked
+def weighted_transition(
+    position: Three, velocity: Three, velocities: Pair, width: Width
+) -> Transition:
+    """Wan et al. 2013, eqs. (8), (12), with g = position[m] velocity[r] on each axis.
 
-    def compiled(function):
-        function.__qualname__ += "_" + combine.__name__
-        return kernel(function)
+    position, velocity : (3,) weights of the slacks and changes -1, 0, 1; 0: left out
+    velocities, width : as in :func:`box_transition`
+    The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
+    """
+    _middle("weighted_transition", position, velocity)
+    weights = np.stack((position, velocity))
+    p, v = np.where(weights > 0, weights, np.nan)
+    rows = np.stack((v, v, v))
+    return _transition("weighted_transition", weights, p, rows, velocities, width)
 
-    return compiled
+
+@checked
+def coupled_transition(table: Table, velocities: Pair, width: Width) -> Transition:
+    """Wan et al. 2013, eqs. (8), (12), with g = table[m, r] on each axis.
+
+    table : (3, 3) weights, all positive, position slack first
+    velocities, width : as in :func:`box_transition`
+    Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
+    """
+    if not (table > 0).all():
+        raise ValueError("coupled_transition: table: all nine weights must be positive")
+    ones = np.ones_like(table[0])
+    return _transition("coupled_transition", _in_order(table), ones, table, velocities, width)
 
 
-def _best(combine, left_out):
-    """The loop of a family: a value is combined with a weight by mul, with a price by sub."""
+@checked
+def penalised_transition(
+    position: Prices, velocity: Prices, velocities: Pair, width: Width
+) -> Transition:
+    """Prices are subtracted instead: I_{k-1} - position[m] - velocity[r] - those of the other axis.
 
-    @_family(combine)
-    def best(target, to, source, at, shape, weight, term, origin):
-        """target[v, x] = max of source[v, x + c step] with weight[c], plus term[x] if any.
+    Not in the paper.  position, velocity : (3,) prices, inf for a slack left out.  A price of
+    lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
+    """
+    _middle("penalised_transition", position, velocity, left_out=np.inf)
+    prices = np.stack((position, velocity))
+    rows = np.stack((velocity, velocity, velocity))
+    return _transition("penalised_transition", prices, position, rows, velocities, width, True)
 
-        c = 0, 1, 2, but for those whose weight leaves them out; v, x run through ``shape``.
-        to, at : offset of [0, 0] and of one v; then step.  origin : offset of term[0].
-        """
-        (start, pitch), (first, apart, step), (V, n) = to, at, shape
-        o, plus, a, b, c = np.uint64(origin), term.size > 0, weight[0], weight[1], weight[2]
-        before, after = -step, step
-        if a == left_out:
-            before, a = 0, b
-        if c == left_out:
-            after, c = 0, b
-        for v in range(V):
-            t, j = np.uint64(start + v * pitch), first + v * apart + step
-            i, j, k = np.uint64(j + before), np.uint64(j), np.uint64(j + after)
-            for x in range(np.uint64(n)):
-                p, q = combine(source[i + x], a), combine(source[j + x], b)
-                r = combine(source[k + x], c)
-                p = p if p > q else q
-                p = p if p > r else r
-                target[t + x] = p + term[o + x] if plus else p
 
-    return best
+def _in_order(a, dtype=None):
+    """The array in C order, to be written to: a compiled function is made for one kind only."""
+    return a if a.flags.carray and dtype in (None, a.dtype) else np.array(a, dtype, order="C")
+
+
+def _known(transition):
+    if not isinstance(transition, Transition):
+        raise ValueError("transition: give what one of the functions *_transition returns")
+    return transition
 
 
 # Specifications
 
 
-def _dense(z, table, lowest_velocity, I, combine):
-    """All value maps from all predecessors; table (position slack, velocity change), NaN: none."""
-    I[0], V, slacks = z[0], I.shape[1], list(np.ndindex(table.shape))
+def _table(transition):
+    """Both weights in one table (slack, change), NaN where left out; how to apply them."""
+    if transition.setting[3]:
+        return transition.position[:, None] + transition.velocity, np.subtract
+    return transition.position[:, None] * transition.velocity, np.multiply
+
+
+def forward_spec(z, transition, maps=None):
+    """Specification of :func:`forward`: all predecessors of every state."""
+    lowest, highest = transition.setting[1:3]
+    table, combine = _table(transition)
+    if len(transition.weights) == 1:
+        table = np.where(table > 0, 1.0, np.nan)
+    V = highest - lowest + 1
     dm, dr = np.array(table.shape) // 2
+    slacks = list(np.ndindex(table.shape))
+    I = np.full((len(z), V, V, *z.shape[1:]), -np.inf, z.dtype)
+    I[0] = z[0]
     for k in range(1, len(z)):
-        I[k] = -np.inf
         for iv, jv, (m, r), (n, s) in itertools.product(range(V), range(V), slacks, slacks):
             u, w = iv + r - dr, jv + s - dr
             if 0 <= u < V and 0 <= w < V:
-                step = lowest_velocity + u - m + dm, lowest_velocity + w - n + dm
-                moved = np.roll(I[k - 1, u, w], step, axis=(0, 1))
+                moved = np.roll(I[k - 1, u, w], (lowest + u - m + dm, lowest + w - n + dm), (0, 1))
                 value = combine(combine(moved, table[n, s]), table[m, r])
                 np.fmax(I[k, iv, jv], value, out=I[k, iv, jv])  # NaN is never the larger one
         I[k] += z[k]
-    return I
+    return Maps(I, z, transition.setting)
 
 
-def _candidates(previous, state, table, lowest_velocity, combine):
+def _candidates(previous, state, table, lowest, combine):
     """Values and states of all predecessors of one state inside the map."""
     n, s, m, r = np.indices(table.shape * 2).reshape(4, -1)
     dm, dr = np.array(table.shape) // 2
     u, w = state[0] + r - dr, state[1] + s - dr
-    x, y = state[2] + m - dm - lowest_velocity - u, state[3] + n - dm - lowest_velocity - w
+    x, y = state[2] + m - dm - lowest - u, state[3] + n - dm - lowest - w
     states = np.stack((u, w, x, y), axis=1)
     keep = ((states >= 0) & (states < previous.shape)).all(axis=1)
-    n, s, m, r, states = n[keep], s[keep], m[keep], r[keep], states[keep]
-    values = combine(combine(previous[*states.T], table[n, s]), table[m, r])
+    states = states[keep]
+    values = combine(combine(previous[*states.T], table[n, s][keep]), table[m, r][keep])
     return np.nan_to_num(values, nan=-np.inf, posinf=np.inf, neginf=-np.inf), states
 
 
-def _path_of(I, state, table, lowest_velocity, combine):
-    """Best path to a state; four times -1 from where no predecessor can be reached."""
+def path_spec(I, state, transition):
+    """Specification of :func:`path`: argmax over all predecessors, frame by frame."""
+    table, combine = _table(transition)
+    lowest = transition.setting[1]
     path = [state]
     for previous in I[-2::-1]:
-        values, states = _candidates(previous, state, table, lowest_velocity, combine)
+        values, states = _candidates(previous, state, table, lowest, combine)
         reached = state[0] >= 0 and values.max(initial=-np.inf) > -np.inf
         state = tuple(states[values.argmax()].tolist()) if reached else (-1, -1, -1, -1)
         path.append(state)
@@ -280,253 +239,413 @@ def _path_of(I, state, table, lowest_velocity, combine):
 # Forward pass
 
 
-def box_forward_spec(z, position, lowest_velocity, reach, I, held):
-    """Specification of :func:`box_forward`: all pairs of slacks."""
-    return coupled_forward_spec(z, position[:, None] > 0, lowest_velocity, reach, I, held)
+class Maps(NamedTuple):
+    """The result of a forward pass.  Given to the next one, it is updated in place.
 
-
-@_one_type
-@kernel
-def box_forward(z, position, lowest_velocity, reach, I, held):
-    """Eqs. (4), (6), (7), (14): the velocity is kept, all allowed slacks count the same.
-
-    z : (K, X, Y) frames in their margin; I : (K, V, V, X, Y) value maps, written and returned.
-    position : (2 d + 1,), positive where a slack is allowed; the allowed slacks are neighbours.
-    lowest_velocity : of index 0, cells/frame; reach : width of the margin, at least d + the
-        fastest velocity.
-    held : (K, X, Y) frames whose maps, by the same arguments, I holds on entry, NaN if it holds
-        none: rows that no cell in which z differs can reach keep their values.
+    values : (K, V, V, X, Y) value maps I, with X and Y counting the margin
+    frames : (K, X, Y) the frames that they were computed from
+    setting : of the transition that they were computed with
     """
-    _check_weights(position, (position.size,), 0)
-    differ = _begin(z, I, position.size // 2, lowest_velocity, reach, held)
-    (_, V, _, X, Y), along, allowed = I.shape, np.int64(1), np.flatnonzero(position)
-    shift, count = position.size // 2 - allowed[0] + lowest_velocity, allowed.size
-    if allowed[-1] - allowed[0] >= count:
-        raise ValueError("position: the allowed slacks must be neighbours; fill the gap")
-    maps, frames, none, size = I.reshape(I.size), z.reshape(z.size), z[0, 0, :0], X * Y
-    rows, work = np.full(size, -np.inf).astype(I.dtype), np.empty(2 * size, I.dtype)
+
+    values: Array
+    frames: Array
+    setting: tuple[float, ...]
+
+
+@checked
+def forward(z: Frames, transition: Transition, maps: Maps | None = None) -> Maps:
+    """Value maps of Wan et al. 2013, eqs. (4), (12), (14), (16).
+
+    z : (K, X, Y) frames in their margin; a cell of -inf cannot be passed, NaN is a ValueError
+    maps : of other frames by the same transition, to be updated in place; None: new ones
+    """
+    z = _in_order(z)
+    width, lowest, highest, prices = _known(transition).setting[:4]
+    weights = _in_order(transition.weights, z.dtype)
+    if maps is None:
+        maps = _empty_maps(z, width, highest - lowest + 1, transition.setting)
+    elif not isinstance(maps, Maps):
+        raise ValueError("forward: maps: give None, or the result of a forward pass")
+    elif maps.frames.shape != z.shape or maps.frames.dtype != z.dtype:
+        raise ValueError("forward: maps: of another size or type; give None")
+    elif maps.setting is not transition.setting and maps.setting != transition.setting:
+        raise ValueError("forward: maps: of another transition; give None")
+    rows = _changed_rows(z, maps.frames, width)
+    if len(weights) == 1:
+        _box_forward(maps.values, z, rows, width, lowest, weights[0])
+    else:
+        _changing_forward(maps.values, z, rows, width, lowest, weights, prices)
+    return maps
+
+
+def _empty_maps(z, width, V, setting):
+    """Maps that belong to no frames: their margin is -inf, everything else has to be computed."""
+    K, X, Y = z.shape
+    if K == 0 or min(X, Y) <= 2 * width:
+        raise ValueError(f"forward: z: shape {z.shape} leaves no cell in a margin of {width}")
+    maps = Maps(np.empty((K, V, V, X, Y), z.dtype), np.full_like(z, np.nan), setting)
+    planes = maps.values.reshape(K * V * V, X * Y)
+    planes[:, : width * Y] = -np.inf
+    planes[:, (X - width) * Y :] = -np.inf
+    return maps
+
+
+@kernel
+def _changed_rows(z, old, width):
+    """Rows (K, 2), first and end, in which frames z differ from old ones, which they replace."""
+    K, X, Y = z.shape
+    rows = np.empty((K, 2), np.int64)
+    for k in range(K):
+        rows[k, 0] = FAR
+        rows[k, 1] = -FAR
+        for i in range(X):
+            new, before, differ = z[k, i], old[k, i], 0
+            for j in range(Y):
+                differ += new[j] != before[j]
+            if differ > 0:
+                _check_row(new, Y if i < width or i >= X - width else width)
+                rows[k, 0] = min(rows[k, 0], i)
+                rows[k, 1] = i + 1
+    for k in range(K):
+        for i in range(rows[k, 0], rows[k, 1]):
+            old[k, i] = z[k, i]
+    return rows
+
+
+@kernel
+def _check_row(row, width):
+    """ValueError if a row has NaN, inf, or not -inf in its margin."""
+    finite = lowest = margin = 0
+    for j in range(row.size):
+        finite += row[j] - row[j] == 0
+        lowest += row[j] == -np.inf
+    for j in range(width):
+        margin += row[j] == -np.inf
+        margin += row[row.size - 1 - j] == -np.inf
+    if finite + lowest < row.size or margin < 2 * width:
+        raise ValueError("z: NaN, inf, or no margin of -inf; use margin(frames, width)")
+
+
+@kernel
+def _rows_inside(first, end, width, X):
+    """The rows of a range that are not in the margin: the first one, and how many."""
+    first = min(max(first, width), X - width)
+    return first, max(min(end, X - width) - first, 0)
+
+
+@kernel
+def _first_map(values, z, rows, width):
+    """Wan et al. 2013, eq. (14): in the first frame a state's value is that of its cell."""
+    _, V, _, X, Y = values.shape
+    first, n = _rows_inside(rows[0, 0], rows[0, 1], width, X)
+    frame = z[0].reshape(X * Y)[first * Y :]
+    for plane in values[0].reshape(V * V, X * Y):
+        target = plane[first * Y :]
+        for x in range(n * Y):
+            target[x] = frame[x]
+
+
+# The velocity is kept
+
+
+@kernel
+def _box_forward(values, z, changed, width, lowest, position):
+    """The loop of :func:`forward` for a velocity that is kept.
+
+    A state of velocity v comes from ``count`` cells in a row on each axis: from those that are
+    v - slack back, slack the lowest allowed one, to those that are count - 1 less.
+    """
+    allowed = np.flatnonzero(position)
+    slack = allowed[0] - position.size // 2
+    count = allowed.size
+    K, V, _, X, Y = values.shape
+    maps = values.reshape(values.size)
+    frames = z.reshape(z.size)
+    none = frames[:0]
+    best = np.full(X * Y, -np.inf, values.dtype)  # of the second axis; its margin stays -inf
+    work = np.empty(2 * X * Y, values.dtype)
+    _first_map(values, z, changed, width)
     for iv, jv in np.ndindex(V, V):
-        (first, end), plane, down = differ[0], (iv * V + jv) * size, shift + iv
-        for k in range(1, len(z)):
-            first, end = min(first + down - count + 1, differ[k, 0]), max(end + down, differ[k, 1])
-            top, n = _inside(first - down, end - down + count - 1, reach, X)
-            old, origin = plane + top * Y - shift - jv, k * size
-            _window(rows, top * Y, maps, old, along, count, n * Y, none, origin, work)
-            plane, (top, n) = plane + V * V * size, _inside(first, end, reach, X)
-            to, old, origin = plane + top * Y, (top - down) * Y, origin + top * Y
-            _window(maps, to, rows, old, Y, count, n * Y, frames, origin, work)
-    return I
+        back_i = lowest + iv - slack
+        back_j = lowest + jv - slack
+        first, end = changed[0]
+        for k in range(1, K):
+            first = min(first + back_i - count + 1, changed[k, 0])
+            end = max(end + back_i, changed[k, 1])
+            old = (((k - 1) * V + iv) * V + jv) * X * Y
+            new = old + V * V * X * Y
+            row, n = _rows_inside(first - back_i, end - back_i + count - 1, width, X)
+            _window(best, row * Y, maps, old + row * Y - back_j, 1, count, n * Y, none, 0, work)
+            row, n = _rows_inside(first, end, width, X)
+            at = (row - back_i) * Y
+            origin = (k * X + row) * Y
+            _window(maps, new + row * Y, best, at, Y, count, n * Y, frames, origin, work)
 
 
 @kernel
-def _slack(source, at, step, weights):
-    """The largest of three values, ``step`` apart, each times its weight."""
-    p, q, r = source[at], source[at + step], source[at + step + step]
-    p, q, r = p * weights[0], q * weights[1], r * weights[2]
-    p = p if p > q else q
-    return p if p > r else r
+def _window(target, to, source, at, step, count, n, frames, origin, work):
+    """target[to + x] = frame[x] + max of source[at + x + c step], c = 0 .. count - 1; x < n.
+
+    A window is the union of three windows of a third of its size, which may overlap: the maximum of
+    seven values takes two passes.  No frame: an empty one.
+    """
+    size = 1  # source[x] is the maximum of so many values
+    length = n + (count - 1) * step
+    middle = work.size // 2
+    free = 0  # start of the part of ``work`` that can be written
+    while 3 * size < count:
+        length -= 2 * size * step
+        ends = at, at + size * step, at + 2 * size * step
+        _largest(work, free, source, ends, length, frames[:0], 0)
+        source = work
+        at = free
+        free = middle - free
+        size *= 3
+    second = at + (count - size + 1) // 2 * step
+    last = at + (count - size) * step
+    if count < 3:
+        _largest(target, to, source, (at, last), n, frames, origin)
+    else:
+        _largest(target, to, source, (at, second, last), n, frames, origin)
 
 
 @kernel
-def _coupled(target, to, source, at, shape, table, term, origin):
-    """As `best`: max of source[v + r - 1, x + c step] table[c, r], r and c from 0 to 2."""
-    (start, pitch), (first, apart, step), (V, n) = to, at, shape
-    o, s, plus = np.uint64(origin), np.uint64(step), term.size > 0
+def _largest(target, to, source, at, n, frames, origin):
+    """target[to + x] = frame[x] + max of source[at[c] + x], two or three c; x < n."""
+    t = np.uint64(to)  # unsigned: Numba tests a signed index, which takes as long as the maximum
+    i = np.uint64(at[0])
+    j = np.uint64(at[1])
+    k = np.uint64(at[-1])
+    o = np.uint64(origin)
+    plus = frames.size > 0
+    for x in range(np.uint64(n)):
+        best = source[i + x] if source[i + x] > source[j + x] else source[j + x]
+        if len(at) == 3:
+            best = best if best > source[k + x] else source[k + x]
+        target[t + x] = best + frames[o + x] if plus else best
+
+
+# The velocity changes by -1, 0 or 1
+
+
+class _Axis(NamedTuple):
+    """How many values lie between neighbouring velocities and cells; lowest velocity."""
+
+    velocity: int
+    cell: int
+    lowest: int
+
+
+@kernel
+def _changing_forward(values, z, changed, width, lowest, weights, prices):
+    """The loop of :func:`forward` otherwise: in each frame the second axis, then the first."""
+    K, V, _, X, Y = values.shape
+    size = X * Y
+    maps = values.reshape(values.size)
+    frames = z.reshape(K, size)
+    between = np.full(V * V * size, -np.inf, values.dtype)  # values after the second axis
+    best = np.full((V + 2) * (PIECE // values.itemsize), -np.inf, values.dtype)
+    _first_map(values, z, changed, width)
+    first, end = changed[0]
+    for k in range(1, K):
+        first = min(first + lowest - 1, changed[k, 0])
+        end = max(end + lowest + V, changed[k, 1])
+        old = (k - 1) * V * V * size
+        new = k * V * V * size
+        axis = _Axis(size, 1, lowest)
+        for iv in range(V):
+            back = lowest + iv
+            row, n = _rows_inside(first - back - 1, end - back + 1, width, X)
+            planes = iv * V * size
+            cells = row * Y, n * Y
+            _one_axis(
+                between,
+                planes,
+                maps,
+                old + planes,
+                axis,
+                weights,
+                prices,
+                cells,
+                frames[k, :0],
+                best,
+            )
+        axis = _Axis(V * size, Y, lowest)
+        for jv in range(V):
+            row, n = _rows_inside(first, end, width, X)
+            planes = jv * size
+            cells = row * Y, n * Y
+            _one_axis(
+                maps, new + planes, between, planes, axis, weights, prices, cells, frames[k], best
+            )
+
+
+@kernel
+def _one_axis(new, to, old, at, axis, weights, prices, cells, frame, best):
+    """On one axis, the best predecessor of all velocities; their first planes are at to and at.
+
+    It goes through the planes in pieces, whose best slacks, velocity v in row v + 1 of ``best``,
+    stay in the first-level cache.
+    """
+    start, n = cells
+    piece = PIECE // best.itemsize
+    V = best.size // piece - 2
+    none = frame[:0]
+    for x in range(start, start + n, piece):
+        shape = V, min(piece, start + n - x)
+        target = to + x, axis.velocity
+        source = at + x - (axis.lowest + 1) * axis.cell, axis.velocity - axis.cell, axis.cell
+        if len(weights) == 3:
+            _coupled(new, target, old, source, shape, weights, frame, x)
+        else:
+            rows = piece, piece
+            _separate(best, rows, old, source, shape, weights[0], prices, none, 0)
+            slacks = 0, piece, piece
+            _separate(new, target, best, slacks, shape, weights[1], prices, frame, x)
+
+
+@kernel
+def _separate(target, to, source, at, shape, weights, prices, frame, origin):
+    """target[v, x] = max of source[v, x + c step] weights[c], c = 0, 1, 2, plus frame[x] if any.
+
+    A weight of 0 leaves its value out.  to, at : offset of [0, 0] in the flat array, and how far
+    the next v is; at : then the step.  shape : numbers of v and x.  origin : offset of frame[0].
+    """
+    first, apart, step = at
+    before, after = -step, step
+    a, b, c = weights[0], weights[1], weights[2]
+    if a == 0 and not prices:
+        before, a = 0, b
+    if c == 0 and not prices:
+        after, c = 0, b
+    o = np.uint64(origin)  # unsigned: Numba tests a signed index, which takes as long as the rest
+    plus = frame.size > 0
+    for v in range(shape[0]):
+        t = np.uint64(to[0] + v * to[1])
+        j = first + v * apart + step
+        i, j, k = np.uint64(j + before), np.uint64(j), np.uint64(j + after)
+        if prices:
+            for x in range(np.uint64(shape[1])):
+                p = source[i + x] - a
+                q = source[j + x] - b
+                r = source[k + x] - c
+                p = p if p > q else q
+                p = p if p > r else r
+                target[t + x] = p + frame[o + x] if plus else p
+        else:
+            for x in range(np.uint64(shape[1])):
+                p = source[i + x] * a
+                q = source[j + x] * b
+                r = source[k + x] * c
+                p = p if p > q else q
+                p = p if p > r else r
+                target[t + x] = p + frame[o + x] if plus else p
+
+
+@kernel
+def _coupled(target, to, source, at, shape, table, frame, origin):
+    """As _separate: max of source[v + r - 1, x + c step] table[c, r], r and c from 0 to 2."""
+    first, apart, step = at
+    V, n = shape
+    o, s = np.uint64(origin), np.uint64(step)
+    plus = frame.size > 0
     for v in range(V):
-        low, high, t = max(v - 1, 0), min(v + 1, V - 1), np.uint64(start + v * pitch)
-        a, b, c = table[:, low - v + 1], table[:, 1], table[:, high - v + 1]
-        before, same, after = (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2])
+        t = np.uint64(to[0] + v * to[1])
+        low = max(v - 1, 0)
+        high = min(v + 1, V - 1)
         i, j = np.uint64(first + low * apart), np.uint64(first + v * apart)
         k = np.uint64(first + high * apart)
+        a = table[0, low - v + 1], table[1, low - v + 1], table[2, low - v + 1]
+        b = table[0, 1], table[1, 1], table[2, 1]
+        c = table[0, high - v + 1], table[1, high - v + 1], table[2, high - v + 1]
         for x in range(np.uint64(n)):
-            p, q = _slack(source, i + x, s, before), _slack(source, j + x, s, same)
-            p, q = p if p > q else q, _slack(source, k + x, s, after)
+            p = _best_slack(source, i + x, s, a)
+            q = _best_slack(source, j + x, s, b)
+            r = _best_slack(source, k + x, s, c)
             p = p if p > q else q
-            target[t + x] = p + term[o + x] if plus else p
+            p = p if p > r else r
+            target[t + x] = p + frame[o + x] if plus else p
 
 
-def _extended(combine, left_out):
-    """The passes of a family: on each axis the best slack of each velocity, then its best change.
-
-    They run through pieces of a plane, whose best slacks stay in the first-level cache.
-    """
-    best = _best(combine, left_out)
-
-    @_family(combine)
-    def forward(z, position, velocity, lowest, reach, I, differ):
-        (_, V, _, X, Y), none, maps, size = I.shape, z[0, 0, :0], I.reshape(I.size), z[0].size
-        (low, high), piece = differ[0], PIECE // I.itemsize
-        rows, half = np.empty((V + 3) * piece, I.dtype), np.empty(V * V * size, I.dtype)
-        rows[:], half[:] = -np.inf, -np.inf  # velocity v in row v + 2
-        for k in range(1, len(z)):
-            low, high = min(low + lowest - 1, differ[k, 0]), max(high + lowest + V, differ[k, 1])
-            new, frame = k * V * V * size, z[k].reshape(size)
-            across = maps, new - V * V * size, half, 0, V * size, size, 1, none, 1
-            down = half, 0, maps, new, size, V * size, Y, frame, 0
-            for old, begin, out, end, outer, inner, step, term, along in (across, down):
-                for first in range(V):
-                    back = along * (lowest + first)
-                    top, n = _inside(low - back - along, high - back + along, reach, X)
-                    for x in range(top * Y, (top + n) * Y, piece):
-                        here, shape = x + first * outer, (V, min(piece, (top + n) * Y - x))
-                        at = begin + here - (lowest + 1) * step, inner - step, step
-                        to = end + here, inner
-                        if position.ndim == 2:
-                            _coupled(out, to, old, at, shape, position, term, x)
-                        else:
-                            best(rows, (2 * piece, piece), old, at, shape, position, none, x)
-                            best(out, to, rows, (piece, piece, piece), shape, velocity, term, x)
-        return I
-
-    return forward
-
-
-_weighted, _penalised = _extended(operator.mul, 0), _extended(operator.sub, np.inf)
-
-
-def weighted_forward_spec(z, position, velocity, lowest_velocity, reach, I, held):
-    """Specification of :func:`weighted_forward`: all 81 predecessors of every state."""
-    return coupled_forward_spec(z, np.outer(position, velocity), lowest_velocity, reach, I, held)
-
-
-@_one_type
 @kernel
-def weighted_forward(z, position, velocity, lowest_velocity, reach, I, held):
-    """Eqs. (8), (12) with g a product: position[m] velocity[r] on each axis, slacks -1, 0, 1.
-
-    Arrays as in :func:`box_forward`; position, velocity : (3,) of the frames' type, 0 for a slack
-    left out.  The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
-    """
-    _check_weights(position, (3,), 0)
-    _check_weights(velocity, (3,), 0)
-    differ = _begin(z, I, position.size // 2, lowest_velocity, reach, held)
-    return _weighted(z, position, velocity, lowest_velocity, reach, I, differ)
-
-
-def penalised_forward_spec(z, position, velocity, lowest_velocity, reach, I, held):
-    """Specification of :func:`penalised_forward`: all 81 predecessors of every state."""
-    return _dense(z, np.add.outer(position, velocity), lowest_velocity, I, np.subtract)
-
-
-@_one_type
-@kernel
-def penalised_forward(z, position, velocity, lowest_velocity, reach, I, held):
-    """I_k = z_k + max (I_{k-1} - position[m] - velocity[r] - the same on the other axis).
-
-    Not in the paper.  position, velocity : (3,) prices, inf for a slack left out.  A price of
-    lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
-    """
-    _check_prices(position, velocity)
-    differ = _begin(z, I, position.size // 2, lowest_velocity, reach, held)
-    return _penalised(z, position, velocity, lowest_velocity, reach, I, differ)
-
-
-def coupled_forward_spec(z, table, lowest_velocity, reach, I, held):
-    """Specification of :func:`coupled_forward`: all 81 predecessors of every state."""
-    return _dense(z, np.where(table > 0, table, np.nan), lowest_velocity, I, np.multiply)
-
-
-@_one_type
-@kernel
-def coupled_forward(z, table, lowest_velocity, reach, I, held):
-    """Eqs. (8), (12) with g = table[m, r] table[n, s]: slack and velocity change weighted together.
-
-    Arrays as in :func:`box_forward`; table : (3, 3) of the frames' type, position slack first, all
-    positive.  Eq. (10) to the letter, Delta_i = |m - r|, is table[m, r] = a**(|m - r| + |r|).
-    """
-    _check_weights(table, (3, 3), TINY)
-    differ = _begin(z, I, len(table) // 2, lowest_velocity, reach, held)
-    return _weighted(z, table, table[0], lowest_velocity, reach, I, differ)
+def _best_slack(source, at, step, weights):
+    """The largest of three values, ``step`` apart, each times its weight."""
+    p = source[at] * weights[0]
+    q = source[at + step] * weights[1]
+    r = source[at + step + step] * weights[2]
+    p = p if p > q else q
+    return p if p > r else r
 
 
 # Back-trace
 
 
-def _trace(combine):
-    """The back-trace of a family: a value is combined with a weight by mul, with a price by sub."""
+@kernel
+def _combined(value, weight, prices):
+    return value - weight if prices else value * weight
 
-    @_family(combine)
-    def predecessor(previous, state, position, table, lowest):
-        """Predecessor of largest value; the first one wins a tie, and NaN never wins.
 
-        table : weights of the velocity changes, one row for each position slack or one for all.
-        """
-        (V, _, X, Y), d, c = previous.shape, position.size // 2, table.shape[1] // 2
-        each = min(len(table) - 1, 1)  # 0: one row for all slacks
-        best, found = -np.inf, (-1, -1, -1, -1)
-        for n in range(position.size):
-            for w in range(max(state[1] - c, 0), min(state[1] + c + 1, V)):
-                g, y = table[n * each, w - state[1] + c], state[3] + n - d - lowest - w
-                if not 0 <= y < Y:
-                    continue
-                for m in range(position.size):
-                    for u in range(max(state[0] - c, 0), min(state[0] + c + 1, V)):
-                        h, x = table[m * each, u - state[0] + c], state[2] + m - d - lowest - u
-                        if 0 <= x < X:
-                            value = combine(combine(previous[u, w, x, y], position[n]), g)
-                            value = combine(combine(value, position[m]), h)
-                            if value > best:
-                                best, found = value, (u, w, x, y)
-        return found
+@kernel
+def _predecessor(previous, state, position, table, lowest, prices):
+    """Predecessor of largest value; the first one wins a tie, and NaN never wins.
 
-    @_family(combine)
-    def path(I, state, position, table, lowest):
-        _check_state(I, state, lowest)
-        path = np.full((len(I), 4), -1)
-        for k in range(len(I) - 1, -1, -1):
-            for axis in range(4):
-                path[k, axis] = state[axis]
-            if k > 0 and state[0] >= 0:
-                state = predecessor(I[k - 1], state, position, table, lowest)
-        return path
+    table : weights of the velocity changes, one row for each position slack.
+    """
+    V, _, X, Y = previous.shape
+    d = position.size // 2
+    c = table.shape[1] // 2
+    best = -np.inf
+    found = (-1, -1, -1, -1)
+    for n in range(position.size):
+        for w in range(max(state[1] - c, 0), min(state[1] + c + 1, V)):
+            y = state[3] + n - d - lowest - w
+            if not 0 <= y < Y:
+                continue
+            g = table[n, w - state[1] + c]
+            for m in range(position.size):
+                for u in range(max(state[0] - c, 0), min(state[0] + c + 1, V)):
+                    x = state[2] + m - d - lowest - u
+                    if 0 <= x < X:
+                        value = _combined(previous[u, w, x, y], position[n], prices)
+                        value = _combined(value, g, prices)
+                        value = _combined(value, position[m], prices)
+                        value = _combined(value, table[m, u - state[0] + c], prices)
+                        if value > best:
+                            best = value
+                            found = (u, w, x, y)
+    return found
 
+
+@kernel
+def _path(I, state, position, table, lowest, prices):
+    """The loop of :func:`path`."""
+    path = np.full((len(I), 4), -1)
+    for k in range(len(I) - 1, -1, -1):
+        for axis in range(4):
+            path[k, axis] = state[axis]
+        if k > 0 and state[0] >= 0:
+            state = _predecessor(I[k - 1], state, position, table, lowest, prices)
     return path
 
 
-_best_path, _cheapest_path = _trace(operator.mul), _trace(operator.sub)
+@checked
+def path(I: Values, state: Sequence[int], transition: Transition) -> Array:
+    """Wan et al. 2013, eqs. (13), (19): the best path that ends in ``state``.
 
+    I : (K, V, V, X, Y) value maps of :func:`forward`; NaN never wins
+    state : (iv, jv, i, j) in frame K, i and j counted with the margin
 
-def weighted_path_spec(I, state, position, velocity, lowest_velocity):
-    """Specification of :func:`weighted_path`: argmax over all predecessors, frame by frame."""
-    return coupled_path_spec(I, state, np.outer(position, velocity), lowest_velocity)
-
-
-@_one_type
-@kernel
-def weighted_path(I, state, position, velocity, lowest_velocity):
-    """Eqs. (13), (19): the best path that ends in ``state``.
-
-    Of box_forward (velocity = ones(1)) or weighted_forward.  I : (K, V, V, X, Y) value maps of K
-    frames; state : (iv, jv, i, j) in frame K, i and j counted with the margin.  Returns states of
-    the same form, (K, 4) of int; four times -1 from where no predecessor can be reached.
+    Returns states of the same form, (K, 4) of int; four times -1 from where no predecessor can be
+    reached.
     """
-    _check_weights(position, (position.size,), 0)
-    _check_weights(velocity, (velocity.size,), 0)
-    position, velocity = position / (position > 0), velocity / (velocity > 0)  # 0 becomes NaN
-    return _best_path(I, state, position, velocity.reshape(1, velocity.size), lowest_velocity)
-
-
-def penalised_path_spec(I, state, position, velocity, lowest_velocity):
-    """Specification of :func:`penalised_path`: argmax over all predecessors, frame by frame."""
-    return _path_of(I, state, np.add.outer(position, velocity), lowest_velocity, np.subtract)
-
-
-@_one_type
-@kernel
-def penalised_path(I, state, position, velocity, lowest_velocity):
-    """The best path that ends in ``state`` under penalised_forward; see :func:`weighted_path`."""
-    _check_prices(position, velocity)
-    return _cheapest_path(I, state, position, velocity.reshape(1, 3), lowest_velocity)
-
-
-def coupled_path_spec(I, state, table, lowest_velocity):
-    """Specification of :func:`coupled_path`: argmax over all predecessors, frame by frame."""
-    return _path_of(I, state, np.where(table > 0, table, np.nan), lowest_velocity, np.multiply)
-
-
-@_one_type
-@kernel
-def coupled_path(I, state, table, lowest_velocity):
-    """The best path that ends in ``state`` under coupled_forward; see :func:`weighted_path`."""
-    _check_weights(table, (3, 3), TINY)
-    return _best_path(I, state, np.ones_like(table[0]), table, lowest_velocity)
+    try:
+        state = tuple(map(operator.index, state))
+    except TypeError:
+        state = ()
+    shape = I.shape[1:] if len(I) else (0, 0, 0, 0)
+    if len(state) != 4 or not all(0 <= i < n for i, n in zip(state, shape, strict=False)):
+        raise ValueError(f"path: state: give four indices (iv, jv, i, j) into maps {I.shape}")
+    _, lowest, _, prices = _known(transition).setting[:4]
+    position = _in_order(transition.position, I.dtype)
+    velocity = _in_order(transition.velocity, I.dtype)
+    return _path(_in_order(I), state, position, velocity, lowest, prices)

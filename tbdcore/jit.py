@@ -1,7 +1,7 @@
 """The decorator of every compiled loop."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 __all__ = ["kernel"]
 
@@ -13,4 +13,5 @@ def kernel(function: Function) -> Function:
     from numba import njit
 
     cache = function.__module__ != "__main__"
-    return njit(cache=cache, error_model="numpy")(function)
+    compiled: Any = njit(cache=cache, error_model="numpy")(function)
+    return compiled

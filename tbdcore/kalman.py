@@ -33,9 +33,8 @@ from typing import Annotated
 
 import numpy as np
 from numba import literal_unroll
-from numpy.typing import ArrayLike
 
-from tbdcore.checks import Array, Number, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked
 from tbdcore.jit import kernel
 
 __all__ = ["cartesian", "gate_half_widths", "gate_polar", "gate_tracks", "gate_volume"]

@@ -34,11 +34,11 @@ TOLERANCE = {
     "spread": {"gaussian": 0.2, "exponential": 0.5},  # dB
     "slope_x": {"gaussian": 0.25, "exponential": 0.1},  # standard deviations; share of the level
     "slope_y": {"gaussian": 0.25, "exponential": 0.1},
-    "tail_1e2": {"gaussian": 1.3, "exponential": 1.2},  # times the number of cells of the law
-    "tail_1e3": {"gaussian": 2.5, "exponential": 2.0},
-    "next_x": {"gaussian": 0.07, "exponential": 0.05},  # correlation
-    "next_y": {"gaussian": 0.07, "exponential": 0.05},
-    "next_frame": {"gaussian": 0.1, "exponential": 0.07},
+    "tail_1e2": {"gaussian": 1.2, "exponential": 1.1},  # times the number of cells of the law
+    "tail_1e3": {"gaussian": 1.8, "exponential": 1.5},
+    "next_x": {"gaussian": 0.06, "exponential": 0.05},  # correlation
+    "next_y": {"gaussian": 0.06, "exponential": 0.05},
+    "next_frame": {"gaussian": 0.2, "exponential": 0.1},
 }
 LEVEL = "normalise(frames, clipped(frames))"
 MENDS = {

@@ -23,9 +23,8 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tbdcore.checks import Array, Flag, Integers, Number, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Flag, Integers, Number, Numbers, checked
 from tbdcore.jit import kernel
 
 __all__ = ["box_states", "check_transitions", "coordinated_turn", "cv", "step_acceleration"]

@@ -1,8 +1,8 @@
 """Laws of noise and clutter: frames without a target, and what makes them differ from white noise.
 
 **Laws.**  ``gaussian`` (mean 0, variance 1), ``exponential`` and ``k_power`` (power of mean 1)
-draw frames of independent cells.  **Correlation.**  ``correlated`` and ``smoothed`` give standard
-normal frames whose neighbours are not independent; ``as_power`` turns them into power of mean 1
+draw frames of independent cells.  **Correlation.**  ``correlated`` gives standard normal
+frames whose neighbours are not independent; ``as_power`` turns them into power of mean 1
 with the same neighbours.  **Faults.**  ``louder`` changes the level, ``sloped`` lets it vary
 across the frame, ``with_gaps`` takes frames away.
 
@@ -22,7 +22,7 @@ from scipy.special import gammaincinv, gammaln, kve, log_ndtr, ndtr, xlogy
 from tbdcore.checks import Array, Integer, Number, Numbers, Random, checked
 
 __all__ = ["as_power", "correlated", "exponential", "gaussian", "k_power", "k_survival"]
-__all__ += ["louder", "sloped", "smoothed", "with_gaps"]
+__all__ += ["louder", "sloped", "with_gaps"]
 
 TINY = np.finfo(float).tiny
 LAWS = ("gaussian", "exponential")
@@ -132,22 +132,6 @@ def correlated(shape: Shape, correlation: Correlation, rng: Generator) -> Array:
         for k in range(1, len(line) if rho else 0):
             line[k] = rho * line[k - 1] + math.sqrt(1 - rho * rho) * line[k]
     return z
-
-
-@checked
-def smoothed(shape: Shape, width: Annotated[float, Number(0.0, 1e3)], rng: Generator) -> Array:
-    """Standard normal frames, smoothed within each frame by a Gaussian of ``width`` cells.
-
-    Two neighbours have the correlation exp(-1 / (4 width**2)), for a width of 0.7 cells or more.
-    """
-    from scipy.ndimage import gaussian_filter
-
-    if len(shape) != 3:
-        raise ValueError(f"noise.smoothed: shape: {shape}; give (K, nx, ny)")
-    one = np.zeros(shape[1:])
-    one[0, 0] = 1.0
-    gain = np.linalg.norm(gaussian_filter(one, width, mode="wrap"))
-    return gaussian_filter(rng.standard_normal(shape), width, mode="wrap", axes=(1, 2)) / gain
 
 
 @checked

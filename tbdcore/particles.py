@@ -22,9 +22,8 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tbdcore.checks import Array, Integer, Integers, Number, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, checked
 from tbdcore.jit import kernel
 
 __all__ = ["copy_particles", "existence_predict", "existence_update", "inherit", "normalise"]

@@ -18,7 +18,6 @@ The law of the noise is ``"gaussian"`` (values around a mean, chapters 01 and 02
 
 import math
 import warnings
-from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
@@ -30,7 +29,7 @@ from tbdcore.checks import Array, Flag, Integer, Number, Numbers, checked, numbe
 from tbdcore.noise import Frames, Generator, Law
 
 __all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law"]
-__all__ += ["found_share", "inject", "level", "log_ratio", "merge_plots", "normal_scores"]
+__all__ += ["inject", "level", "log_ratio", "merge_plots", "normal_scores"]
 __all__ += ["normalise", "plots", "threshold"]
 
 LN2, SMALL, ROUNDS = math.log(2.0), 1e-300, 8
@@ -139,7 +138,11 @@ def normalise(frames: Frames, at: Level, law: Law = "gaussian") -> Array:
     at : a Level of numbers, or of arrays (nx, ny) or (K, nx, ny).  NaN where its spread is not
         above 0, as that of a cell that always shows the same value.
     """
-    mean, std = (np.asarray(a, float) for a in at)
+    try:
+        mean, std = (np.broadcast_to(np.asarray(a, float), frames.shape) for a in at)
+    except (TypeError, ValueError):
+        advice = "numbers, (nx, ny) or (K, nx, ny)"
+        raise ValueError(f"recording.normalise: at: give Level(mean, std), {advice}") from None
     scale = std if law == "gaussian" else mean
     if not (scale > 0).any():
         raise ValueError("recording.normalise: at: its spread is nowhere above 0; look at frames")
@@ -163,31 +166,29 @@ class TailedLaw(NamedTuple):
     low: tuple
     high: tuple
 
-    def cdf(self, z):
-        """Probability of a value of at most z."""
-        body = self._body()(np.clip(z, self.x[0], self.x[-1]))
-        below = self.p[0] * _pareto(self.x[0] - z, *self.low)[0]
-        return np.where(z < self.x[0], below, np.where(z > self.x[-1], 1 - self.sf(z), body))
-
     def sf(self, z):
         """Probability of a value above z."""
-        above = (1 - self.p[-1]) * _pareto(z - self.x[-1], *self.high)[0]
-        body = 1 - self._body()(np.clip(z, self.x[0], self.x[-1]))
-        below = 1 - self.p[0] * _pareto(self.x[0] - z, *self.low)[0]
-        return np.where(z > self.x[-1], above, np.where(z < self.x[0], below, body))
+        return self._laws(z)[0]
+
+    def cdf(self, z):
+        """Probability of a value of at most z."""
+        return 1 - self._laws(z)[0]
 
     def logpdf(self, z):
         """Logarithm of the density."""
-        slope = self._body().derivative()(np.clip(z, self.x[0], self.x[-1]))
-        below = self.p[0] * _pareto(self.x[0] - z, *self.low)[1]
-        above = (1 - self.p[-1]) * _pareto(z - self.x[-1], *self.high)[1]
-        density = np.where(z < self.x[0], below, np.where(z > self.x[-1], above, slope))
-        return np.log(np.maximum(density, SMALL))
+        return np.log(np.maximum(self._laws(z)[1], SMALL))
 
-    def _body(self):
+    def _laws(self, z):
+        """Survival and density."""
         from scipy.interpolate import PchipInterpolator
 
-        return PchipInterpolator(self.x, self.p)
+        cdf, inside = PchipInterpolator(self.x, self.p), np.clip(z, self.x[0], self.x[-1])
+        below, above = _pareto(self.x[0] - z, *self.low), _pareto(z - self.x[-1], *self.high)
+        low, high = z < self.x[0], z > self.x[-1]
+        p, q = self.p[0], 1 - self.p[-1]
+        survival = np.where(low, 1 - p * below[0], np.where(high, q * above[0], 1 - cdf(inside)))
+        density = np.where(high, q * above[1], cdf.derivative()(inside))
+        return survival, np.where(low, p * below[1], density)
 
 
 def _pareto(excess, shape, scale):
@@ -235,7 +236,9 @@ def normal_scores(frames: Frames, law: Any) -> Array:
         function of the values that returns their cumulative probability.  Scores are within
         +-37, where the probability is 1e-300; a bare function resolves 8 at the upper end.
     """
-    cdf = law if callable(law) and not hasattr(law, "sf") else law.cdf
+    cdf = getattr(law, "cdf", law)
+    if not callable(cdf):
+        raise ValueError("recording.normal_scores: law: give a function, or what has cdf and sf")
     sf = getattr(law, "sf", lambda z: 1 - cdf(z))
     low, high = (np.asarray(f(np.asarray(frames, float)), float) for f in (cdf, sf))
     numbers("recording.normal_scores: law", low[frames == frames], "N", low=0.0, high=1.0)
@@ -256,6 +259,8 @@ def log_ratio(
 
     Ratios are within +-50, and 0 where both densities are 0.
     """
+    if not callable(getattr(law, "logpdf", None)):
+        raise ValueError("recording.log_ratio: law: it has no logpdf; give a frozen distribution")
     z = np.asarray(frames, float)
     gain = 1.0 if adds else 1.0 + strength
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -268,7 +273,9 @@ def log_ratio(
 
 
 @checked
-def blocks(frames: Frames, K: Annotated[int, Integer(1)], step: Annotated[int, Integer(0)] = 0):
+def blocks(
+    frames: Frames, K: Annotated[int, Integer(1)], step: Annotated[int, Integer(0)] = 0
+) -> Array:
     """Blocks (n, K, nx, ny) of K successive frames in their order of time; a read-only view.
 
     step : from the start of a block to that of the next; 0: K, so that no two overlap.  Gaps stay
@@ -514,8 +521,8 @@ def inject(
     strength=S * rng.standard_exponential(K).
     """
     K, nx, ny = frames.shape
-    if len(path) != K or np.shape(strength) not in ((), (K,)):
-        raise ValueError(f"recording.inject: path, strength: give {K} places, 1 or {K} strengths")
+    if strength.shape not in ((), (K,)):
+        raise ValueError(f"recording.inject: strength: give one, or one for each of {K} frames")
     h = [_profile(path[:, axis], n, blur) for axis, n in enumerate((nx, ny))]
     h = h[0][:, :, None] * h[1][:, None, :] * np.ones(K)[:, None, None]
     power = h * h * np.broadcast_to(strength, K)[:, None, None]
@@ -531,20 +538,3 @@ def _profile(place, n, blur):
     with np.errstate(invalid="ignore"):
         h = np.exp(-(d**2) / (2 * blur * blur)) if blur else (d == 0).astype(float)
     return np.nan_to_num(h, nan=0.0)
-
-
-@checked
-def found_share(
-    found: Callable,
-    strengths: Annotated[ArrayLike, Numbers("n")],
-    trials: Annotated[int, Integer(1, 10**7)],
-) -> tuple[Array, Array]:
-    """Operating characteristic on a recording: share found at each strength, and its error.
-
-    found : found(strength, n) -> bool, trial n: put a target into own frames with :func:`inject`,
-        search, and compare the result with the truth
-    """
-    from tbdcore.score import proportion
-
-    hits = [[bool(found(s, n)) for n in range(trials)] for s in strengths.tolist()]
-    return proportion(np.sum(hits, axis=1), trials)

@@ -16,10 +16,9 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
-from tbdcore.checks import Array, Integer, Number, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, checked
 
 __all__ = ["Z99", "column_test", "crossing", "crossings", "kept_rmse", "loss_onsets", "ospa"]
 __all__ += ["ospa_bernoulli", "proportion"]
@@ -151,11 +150,11 @@ def loss_onsets(
     `error` (..., K, T, 2), no NaN.  Lost: farther than `distance` in `scans` scans running, none of
     them before index `after`; the onset is the first of them.  A track that comes back is lost too.
     """
-    far = np.hypot(error[..., 0], error[..., 1]) > distance
+    far: Array = np.hypot(error[..., 0], error[..., 1]) > distance
     far[..., :after, :] = False
     if far.shape[-2] < scans:
         return np.full((*far.shape[:-2], far.shape[-1]), far.shape[-2])
-    running = np.lib.stride_tricks.sliding_window_view(far, scans, axis=-2).all(axis=-1)
+    running = np.all(np.lib.stride_tricks.sliding_window_view(far, scans, axis=-2), axis=-1)
     return np.where(running.any(axis=-2), running.argmax(axis=-2), far.shape[-2])
 
 

@@ -18,8 +18,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["load", "save"]
-
 FORMAT = "tbdcore state 1"
 BIT_GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 

@@ -147,7 +147,7 @@ def here(folder, monkeypatch):
 
 
 def command(*words):
-    return [sys.executable, "-m", "tbdcore.repro.cli", *words]
+    return [sys.executable, "-m", "tbdcore", *words]
 
 
 def environment(folder):

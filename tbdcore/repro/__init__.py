@@ -2,6 +2,7 @@
 
 =============  ===========================================================
 ``paths``      where the repository is
+``processes``  signals that end a run, and its processes
 ``trials``     Monte Carlo over processes
 ``claims``     published numbers and the verdicts on them
 ``products``   tables, records, digests, and writing all files or none
@@ -12,7 +13,8 @@
 ``scorecard``  the files that hold all verdicts together
 ``cite``       what a report needs of a product, and what a file is
 ``doctor``     whether this machine can run it all
-``cli``        the command line
+``commands``   what the commands do
+``cli``        the command line: words, errors, exit codes
 =============  ===========================================================
 
 Of the numerical core it imports ``score`` at most.

@@ -3,8 +3,8 @@
 A product has the id ``<paper>/<name>``, for instance ``track_cfar/fig05``; the JSON beside it says
 everything about it.  ``text`` writes what a report needs (a LaTeX environment, Markdown, BibTeX),
 ``which`` finds out what a file is that lies anywhere under any name, and whether the sources that
-made it have changed since; ``gallery`` and ``bibliography`` are the pages ``figures/README.md`` and
-``figures/figures.bib``.
+made it have changed since; ``retired`` lists what is no longer made.  ``gallery`` and
+``bibliography`` are the pages ``figures/README.md`` and ``figures/figures.bib``.
 
 Bibliographic fields come from ``data/papers.toml`` and, for this repository, from ``CITATION.cff``;
 what is not known is left out.  A paper without authors gets a ``key``, which BibTeX sorts by
@@ -17,6 +17,7 @@ import re
 import shlex
 import tomllib
 from pathlib import Path
+from typing import NamedTuple
 
 from tbdcore.repro import claims, pages, paths, products
 
@@ -41,10 +42,46 @@ def _rank(file):
     return {"fig": 0, "table": 1}.get(kind, 2), kind, int(number or 0), rest
 
 
+class Retired(NamedTuple):
+    """One row of figures/retired.csv: a product that is no longer made."""
+
+    id: str
+    last_commit: str  # that has it
+    instead: str  # id of what takes its place, or words; empty for nothing
+
+    def __str__(self):
+        instead = f"{self.instead} takes its place" if self.instead else "nothing takes its place"
+        return f"{self.id} is retired: {instead}; the last commit that has it is {self.last_commit}"
+
+
+def retired():
+    """The products that are no longer made, by id.
+
+    Raises ValueError, naming file, row and column, for a damaged file, an id of another form or of
+    a product that is made, a commit that is none, and a successor that is not made.
+    """
+    return claims.records(paths.PRODUCTS / "retired.csv", Retired, _doubts)
+
+
+def _doubts(it):
+    """Column and fault of everything that is wrong in a row of retired.csv."""
+    made = [(paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead)]
+    if not re.fullmatch(r"\w+/\w+", it.id) or it.id.partition("/")[0] not in pages.notebooks():
+        yield "id", f"{it.id!r} is no id of a figure or table, such as track_cfar/fig05"
+    if made[0]:
+        yield "id", f"{it.id!r} is still made; delete the row, or the figure"
+    if not re.fullmatch("[0-9a-f]{7,40}", it.last_commit):
+        yield "last_commit", f"{it.last_commit!r} is no commit; give 7 to 40 hexadecimal digits"
+    if re.fullmatch(r"\w+/\w+", it.instead) and not made[1]:
+        yield "instead", f"{it.instead!r} is not made; give the id of a product, words, or nothing"
+
+
 def product(id):
     """Everything that is known of a product; ValueError, with the nearest id, if there is none."""
     known = ids()
     if id not in known:
+        if id in (old := retired()):
+            raise ValueError(str(old[id]))
         advice = f"there are none in {paths.figures()}; make them: tbdcore run"
         if known:
             advice = f"the nearest is {claims.nearest(id, known)!r}; tbdcore cite lists them"
@@ -227,6 +264,8 @@ def gallery():
         verdicts = claims.verdicts(paper, folder).set_index("id") if about else None
         for id in ids(paper):
             lines += _exhibit(id, verdicts, folder)
+    if old := retired():
+        lines += ["## Retired", "", *(f"### {id}\n\n{it}.\n" for id, it in old.items())]
     return "\n".join(lines)
 
 
@@ -245,7 +284,9 @@ def _judged(row):
     measured = f", measured {row['measured']}" if row["measured"] else ""
     number = row["measured"].lstrip("-").replace(".", "").isdigit()
     error = f" ± {row['se']}" if row["se"] and number else ""
-    return f"{row['quantity']}: published {row['published']}{measured}{error}, **{row['verdict']}**"
+    told = f" ({row['readings']})" if row["verdict"] == "depends" else ""
+    what = f"{row['quantity']}: published {row['published']}{measured}{error}"
+    return f"{what}, **{row['verdict']}**{told}"
 
 
 # Tracing ---------------------------------------------------------------------------------------
@@ -293,6 +334,8 @@ def which(file):
     file beside a record of its own id, by what that says.
     """
     id = embedded(file)
+    if id in (old := retired()):
+        return f"{old[id]}\n", False
     paper = id.partition("/")[0]
     kept = paths.figures() / f"{id}{file.suffix.lower()}"
     same = kept.is_file() and kept.read_bytes() == file.read_bytes()

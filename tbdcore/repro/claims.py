@@ -9,6 +9,8 @@ opens a ledger for its paper and enters one verdict for each row:
                   least as well as the paper did
 ``differs``       neither the print's rounding nor chance explains the difference; the file
                   must give a cause
+``depends``       measured, and ``reproduced`` under one reading of the paper's words, ``differs``
+                  under another
 ``inconclusive``  neither can be said
 ``untestable``    needs what nobody here has, is an opinion, or judges an implementation's
                   choice instead of the method; with the reason
@@ -26,9 +28,12 @@ of the judgement as ``; name = number``.  Four of them are used here: ``runs``, 
 of runs; ``null``, the value of "no effect"; ``step``, the smallest difference the print could
 show where its digits do not say; ``half``, the half digit of a printed bound that has no number in
 its value.  The others are a page's: ``Ledger.number(id, "tolerance")``.  Rules were declared
-before measuring; ``data/claims/CHANGES.md`` lists those that changed afterwards (``history``
-replays it).  The measured quantity and the margin of the others are unchanged since they were first
-measured; their statistic is that of the second edition.
+before measuring; ``data/claims/CHANGES.md`` lists those that changed afterwards.  The measured
+quantity and the margin of the others are unchanged since they were first measured; their statistic
+is that of the second edition.
+
+What a paper leaves open is a *reading*: ``data/readings.csv`` lists the words, the options, the
+default and the rows that it touches.  Each other option is flown on the scenes of the default.
 
 The ledger is complete or it fails: every row once; in a default run a cause for each ``differs``
 and for nothing else.
@@ -40,14 +45,17 @@ import hashlib
 import io
 import math
 import re
-from collections import namedtuple
+from fnmatch import fnmatchcase
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from tbdcore.repro import paths
 
 KINDS = ("input", "number", "ordering", "trend", "bound", "statement")
-VERDICTS = ("reproduced", "differs", "inconclusive", "untestable", "used")
+JUDGED = ("reproduced", "differs", "depends", "inconclusive")
+VERDICTS = (*JUDGED, "untestable", "used")
 EVIDENCE = ("measured", "calibrated", "constructed", "repeats")
 _COUNTED = """-;cells;cell;frame;frames;particles;runs;trials;power;scans (about);not printed;\
 cells/frame;cell/s;1/m^2 (inferred);1/rad^2 (inferred)"""
@@ -68,19 +76,77 @@ UNITS = {  # printed unit: (dimension, size in the unit the code would use)
 LEVEL = 2.6  # standard errors of a normal law beyond which a difference is no chance
 
 
-_PRINTED = "id item quantity conditions value unit kind where rule evidence cause"
-Claim = namedtuple("Claim", _PRINTED)  # one row of a claims file, all text
+class Claim(NamedTuple):
+    """One row of a claims file, all text."""
+
+    id: str
+    item: str  # table, figure or section of the paper
+    quantity: str
+    conditions: str
+    value: str  # as printed
+    unit: str
+    kind: str  # one of KINDS
+    where: str  # section or page that prints it
+    rule: str  # how it is judged; empty for inputs and what cannot be tested
+    evidence: str  # one of EVIDENCE, "repeats" with the other row's id; empty without a rule
+    cause: str  # why our result differs; empty where it does not
+
+
 COLUMNS = Claim._fields
-_SHOWN = "id item quantity published measured se n z luck verdict evidence cause"
 
 
-class Verdict(namedtuple("Verdict", _SHOWN)):
-    """One row of verdicts.csv, all text.
+class Reading(NamedTuple):
+    """One row of data/readings.csv: words of a paper that can be read in several ways."""
 
-    `z` is the distance from the print, or the least margin, in standard errors.  `luck` is the
-    probability that the paper's own number of runs prints this ordering, given our margin; it is
-    shown where an ordering differs or is open.  `cause` says why it differs or is untestable.
-    """
+    chapter: str
+    name: str
+    words: str  # or the gap
+    options: list
+    default: str
+    rows: list  # ids of the claims that it touches
+    refuted: dict  # option -> why the paper's other numbers exclude it
+
+    def others(self):
+        """The options that are flown beside the default."""
+        return [each for each in self.options if each != self.default and each not in self.refuted]
+
+
+class Option(NamedTuple):
+    """A claim measured under another option of a reading, on the scenes of the default."""
+
+    measured: object  # as in Ledger.check: a number, margins or a bool
+    difference: object  # from the default, paired; of margins one each
+    error: object = 0.0  # standard error of the difference
+    se: object = 0.0  # standard error of `measured`
+    n: int | None = None  # trials
+
+
+class Judgement(NamedTuple):
+    """What a measurement says of a claim, before it is written down."""
+
+    verdict: str
+    text: str = ""  # the number or margin
+    se: float = 0.0
+    z: float = math.nan
+    sign_probability: float = math.nan
+
+
+class Verdict(NamedTuple):
+    """One row of verdicts.csv, all text."""
+
+    id: str
+    item: str
+    quantity: str
+    published: str
+    measured: str
+    se: str  # standard error of `measured`, or of its margin
+    n: str  # trials
+    z: str  # distance from the print, or the least margin, in standard errors
+    sign_probability: str  # that the paper's own runs print this order, if it is not reproduced
+    verdict: str  # one of VERDICTS
+    readings: str  # how many options reproduce it, and what each gives
+    evidence: str
+    cause: str  # why it differs or is untestable
 
     def __repr__(self):
         spread = f" ± {self.se}" if self.se else ""
@@ -107,91 +173,152 @@ def read(paper, folder=None):
     if not path.is_file():
         known = ", ".join(papers(folder))
         raise FileNotFoundError(f"{path.name}: no claims file under data/claims; papers: {known}")
-    claims = {}
-    for number, row in enumerate(_rows(path)[1:], start=2):
-        column, wrong = _complaint(row)
-        if not wrong and row[0] in claims:
-            column, wrong = "id", f"{row[0]!r} stands there twice"
-        if wrong:
-            raise _fault(path.name, number, column, wrong)
-        claims[row[0]] = Claim(*row)
-    originals = {id for id, claim in claims.items() if not claim.evidence.startswith("repeats")}
+    claims = records(path, Claim, _complaints)
     for number, claim in enumerate(claims.values(), start=2):
         word, _, original = claim.evidence.partition(" ")
-        if word == "repeats" and original not in originals:
-            wrong = "repeats another row itself" if original in claims else "is no row"
-            raise _fault(path.name, number, "evidence", f"{original!r} {wrong}; name the original")
+        known = claims.get(original)
+        if word == "repeats" and (known is None or known.evidence.startswith("repeats")):
+            wrong = "repeats another row itself" if known else "is no row"
+            raise fault(path.name, number, "evidence", f"{original!r} {wrong}; name the original")
     return claims
 
 
-def _fault(name, number, column, wrong):
-    return ValueError(f"{name}, row {number}, column {column}: {wrong}")
+def records(path, kind, complaints, name=lambda row: row.id):
+    """The rows of a CSV file as named tuples of text by their names; none if there is no file.
+
+    `complaints` of a row are pairs of a column and what is wrong in it.  Raises ValueError, naming
+    file, row and column, for a row that has any or is there twice, and as :func:`rows` does.
+    """
+    found = {}
+    listed = rows(path, kind._fields) if path.is_file() else []
+    for number, row in enumerate(map(kind._make, listed), start=2):
+        twice = [("", f"{name(row)!r} stands there twice")] if name(row) in found else []
+        for column, wrong in (*complaints(row), *twice):
+            raise fault(path.name, number, column, wrong)
+        found[name(row)] = row
+    return found
 
 
-def _rows(path):
-    """The rows of a claims file as lists of text, header checked."""
-    raw = path.read_bytes()
+def fault(name, number, column, wrong):
+    """The error about a row of a file, with its column if one is named."""
+    return ValueError(f"{name}, row {number}{f', column {column}' if column else ''}: {wrong}")
+
+
+def rows(path, columns):
+    """The rows of a CSV file as lists of text.
+
+    Raises ValueError, naming file, row and column, when the file is none, has other columns or an
+    incomplete row, or has been saved by a spreadsheet program.
+    """
+    raw, name = path.read_bytes(), path.name
     repair = "save it as plain CSV: UTF-8 without byte-order mark, LF line ends, commas"
-    if raw.startswith(b"\xef\xbb\xbf"):
-        raise _fault(path.name, 1, "id", f"the file begins with a byte-order mark; {repair}")
-    if b"\r" in raw:
-        line = raw[: raw.index(b"\r")].count(b"\n") + 1
-        raise _fault(path.name, line, COLUMNS[-1], f"the line ends in CR; {repair}")
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        wrong = f"not UTF-8 (byte {raw[error.start]:#x})"
-        raise ValueError(f"{path.name}, row {line}: {wrong}; {repair}") from None
+        line, wrong = raw[: error.start].count(b"\n") + 1, f"byte {raw[error.start]:#x}"
+        raise fault(name, line, "", f"not UTF-8 ({wrong}); {repair}") from None
+    for mark, wrong in (("\ufeff", "a byte-order mark"), ("\r", "CR")):
+        if mark in text:
+            line = text[: text.index(mark)].count("\n") + 1
+            raise fault(name, line, columns[0], f"there is {wrong} in the line; {repair}")
     reader = csv.reader(io.StringIO(text), strict=True)
     try:
-        rows = list(reader)
+        header, *found = list(reader) or [[]]
     except csv.Error as error:
         wrong = f"{error}; look for a quotation mark without its partner"
-        raise ValueError(f"{path.name}, row {reader.line_num}: {wrong}") from None
-    header, wanted = tuple(rows[0]) if rows else (), ",".join(COLUMNS)
-    if missing := [column for column in COLUMNS if column not in header]:
-        raise _fault(path.name, 1, missing[0], f"missing; the header is {wanted}")
-    if header != COLUMNS:
-        wrong = f"the columns are {','.join(header)}; they must be {wanted}"
-        raise ValueError(f"{path.name}, row 1: {wrong}")
-    return rows
+        raise fault(name, reader.line_num, "", wrong) from None
+    wanted = f"the header is {','.join(columns)}"
+    if missing := [column for column in columns if column not in header]:
+        raise fault(name, 1, missing[0], f"missing; {wanted}")
+    if header != list(columns):
+        raise fault(name, 1, "", f"the columns are {','.join(header)}; {wanted}")
+    for number, row in enumerate(found, start=2):
+        if len(row) != len(columns):
+            wrong = f"{len(row)} fields instead of {len(columns)}; quote fields with commas"
+            raise fault(name, number, columns[min(len(row), len(columns) - 1)], wrong)
+    return found
 
 
 _DIFFERENCE = re.compile(r"\b(gain|loss|saving|advantage|reduction|ratio|difference)\b")
 
 
-def _complaint(row):
-    """A column of a row and what is wrong in it; both empty if nothing is."""
-    if len(row) != len(COLUMNS):
-        wrong = f"{len(row)} fields instead of {len(COLUMNS)}; quote fields with commas"
-        return COLUMNS[min(len(row), len(COLUMNS) - 1)], wrong
-    claim = Claim(*row)
+def _complaints(claim):
+    """Column and fault of everything that is wrong in a row."""
     for column, allowed in (("kind", KINDS), ("unit", UNITS)):
         if (found := getattr(claim, column)) not in allowed:
-            return column, f"{found!r} is unknown; known are {', '.join(filter(None, allowed))}"
+            yield column, f"{found!r} is unknown; known are {', '.join(filter(None, allowed))}"
     for column in ("id", "quantity", "value"):
         if not getattr(claim, column).strip():
-            return column, "empty"
+            yield column, "empty"
+    number, rule = claim.kind == "number", numbers(claim.rule)
     if re.fullmatch(r"[+-]?\d+,\d+", claim.value):
-        return "value", f"{claim.value!r} has a decimal comma; write a point"
-    if claim.kind == "number" and claim.value != "N/A":
-        try:
-            parse(claim.value)
-        except ValueError:
-            return "value", f"{claim.value!r} is no number; kind number needs one"
+        yield "value", f"{claim.value!r} has a decimal comma; write a point"
+    if number and claim.value != "N/A" and not is_number(claim.value):
+        yield "value", f"{claim.value!r} is no number; kind number needs one"
     if claim.evidence and claim.evidence.split(" ")[0] not in EVIDENCE:
-        return "evidence", f"{claim.evidence!r} is unknown; known are {', '.join(EVIDENCE)} <id>"
+        yield "evidence", f"{claim.evidence!r} is unknown; known are {', '.join(EVIDENCE)} <id>"
     if bool(claim.rule) != bool(claim.evidence):
-        return "rule" if claim.evidence else "evidence", "empty; a row that is judged has both"
+        column = "rule" if claim.evidence else "evidence"
+        yield column, "empty; a row that is judged has both"
     if claim.kind == "input" and claim.rule:
-        return "rule", "an input has none; it is compared with what the code uses"
-    difference = claim.kind == "number" and _DIFFERENCE.search(claim.quantity.lower())
-    if claim.rule and difference and "null" not in numbers(claim.rule):
-        return "rule", "a gain, loss, ratio or difference names its null value: ; null = 0"
-    if claim.rule.count(" = ") != len(numbers(claim.rule)):
-        return "rule", "an item is no number; write ; name = number"
-    return "", ""
+        yield "rule", "an input has none; it is compared with what the code uses"
+    if claim.rule and number and _DIFFERENCE.search(claim.quantity.lower()) and "null" not in rule:
+        yield "rule", "a gain, loss, ratio or difference names its null value: ; null = 0"
+    if claim.rule.count(" = ") != len(rule):
+        yield "rule", "an item is no number; write ; name = number"
+
+
+def readings(paper, folder=None):
+    """Readings of a paper by name, from the file beside the folder of the claims.
+
+    Raises ValueError, naming file, row and column, for a damaged file, an unknown chapter, a
+    default or a refuted option that is not among the options, and rows that do not exist.
+    """
+    path = (folder or paths.CLAIMS).parent / "readings.csv"
+    listed = records(path, Reading, partial(_doubts, folder), lambda row: (row.chapter, row.name))
+    found = {}
+    for reading in (row for row in listed.values() if row.chapter == paper):
+        options, patterns, refuted = map(_items, (reading.options, reading.rows, reading.refuted))
+        touched = [id for id in read(paper, folder) if _any(id, patterns)]
+        refuted = dict(re.split(": *", each, maxsplit=1) for each in refuted)
+        found[reading.name] = reading._replace(options=options, rows=touched, refuted=refuted)
+    return found
+
+
+def _items(text):
+    """The parts between semicolons."""
+    return [part.strip() for part in text.split(";") if part.strip()]
+
+
+def _any(id, patterns):
+    return any(fnmatchcase(id, pattern) for pattern in patterns)
+
+
+def _doubts(folder, row):
+    """Column and fault of everything that is wrong in a row of readings.csv."""
+    if row.chapter not in papers(folder):
+        near = nearest(row.chapter, papers(folder))
+        yield "chapter", f"{row.chapter!r} is no paper; the nearest is {near!r}"
+        return
+    ids, options = list(read(row.chapter, folder)), _items(row.options)
+    known = ", ".join(options)
+    for column in ("name", "words", "rows"):
+        if not getattr(row, column).strip():
+            yield column, "empty"
+    if len(options) < 2 or len({*options}) < len(options):
+        yield "options", f"give two or more, each once, with ; between them, not {known!r}"
+    if row.default not in options:
+        yield "default", f"{row.default!r} is none of the options {known}"
+    for each in _items(row.rows):
+        if not any(_any(id, [each]) for id in ids):
+            yield "rows", f"{each!r} is no claim; the nearest is {nearest(each, ids)!r}"
+    for each in _items(row.refuted):
+        option, _, why = each.partition(":")
+        if option not in options or option == row.default or not why.strip():
+            yield (
+                "refuted",
+                f"{each!r}; write option: reason, the option one of {known}, no default",
+            )
 
 
 _ITEM = re.compile(r"; ?([a-z][a-z ]*) = ([+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?)(?![\w.])")
@@ -200,6 +327,11 @@ _ITEM = re.compile(r"; ?([a-z][a-z ]*) = ([+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?)(?![\
 def numbers(rule):
     """The numbers of a rule by name: ``numbers("...; null = 0 dB; runs = 100")``."""
     return {name: float(value) for name, value in _ITEM.findall(rule)}
+
+
+def rule_digest(rule):
+    """Short hash of a rule, as declared.csv and CHANGES.md have it."""
+    return hashlib.sha256(rule.encode()).hexdigest()[:8]
 
 
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?")
@@ -222,6 +354,14 @@ def parse(text):
     mantissa, _, exponent = plain.lower().partition("e")
     decimals = len(mantissa.partition(".")[2])
     return float(plain), 0.5 * 10.0 ** (int(exponent or 0) - decimals)
+
+
+def is_number(text):
+    """Whether :func:`parse` understands a text."""
+    try:
+        return bool(parse(text))
+    except ValueError:
+        return False
 
 
 # The statistic -------------------------------------------------------------------------------
@@ -290,10 +430,23 @@ def judge_margins(margins, errors, n=None, reached=False):
     return ("reproduced" if ratio[least] > quantile(n) else "inconclusive"), least
 
 
-def luck(margin, se, n=None, runs=None):
-    """Probability that the paper's own runs print an ordering whose margin we find: Phi(m / s)."""
+def sign_probability(margin, se, n=None, runs=None):
+    """Probability that a paper's own runs print the sign of our margin's claim: Phi(m / s)."""
     spread = math.hypot(se, se * math.sqrt(n / runs)) if n and runs else 0.0
     return math.erfc(-margin / spread / math.sqrt(2)) / 2 if spread else math.nan
+
+
+def differs_between(verdict, others, options):
+    """Whether a verdict is `reproduced` under one option and `differs` under another.
+
+    `others` are the verdicts under the other `options`; those count whose paired difference from
+    the default is beyond Bonferroni's quantile for all differences.
+    """
+    points, found = sum(np.size(option.difference) for option in options), {verdict}
+    for other, option in zip(others, options, strict=True):
+        limit = quantile(option.n, points) * np.asarray(option.error)
+        found |= {other} if np.any(np.abs(option.difference) > limit) else set()
+    return found >= {"reproduced", "differs"}
 
 
 # The ledger -----------------------------------------------------------------------------------
@@ -320,7 +473,7 @@ class Ledger:
 
     def __init__(self, paper, strict=True, folder=None):
         self.paper, self.strict = paper, strict
-        self.claims = read(paper, folder)
+        self.claims, self.readings = read(paper, folder), readings(paper, folder)
         self.verdicts = {}
         runs = {numbers(claim.rule).get("runs") for claim in self.claims.values()} - {None}
         self.runs = runs.pop() if len(runs) == 1 else None  # the paper's own, for its orderings
@@ -333,14 +486,15 @@ class Ledger:
             raise self._error(f"the rule of {id} has no {name!r}; {advice}")
         return known[name]
 
-    def check(self, id, measured, *, se=0.0, n=None, shown="", reached=False):
+    def check(self, id, measured, *, se=0.0, n=None, shown="", reached=False, readings=None):
         """Judge a claim by its rule; see :func:`judge` and :func:`judge_margins`.
 
         `measured` is our number, in the printed unit, for a row of kind number; for the other
         kinds a margin, positive where the claim holds, or an array of them, or a plain bool where
         no chance is involved.  `se` is the standard error from `n` trials.  `shown` is what the
         table shows, mandatory for a bool; a margin with an error is added to it.  `reached`: a
-        margin of 0 is enough ("at least").
+        margin of 0 is enough ("at least").  `readings` has the same under the other options of each
+        reading that touches the row, ``{name: {option: Option(...)}}``.
         """
         claim = self._open(id)
         if claim.kind == "input":
@@ -348,30 +502,74 @@ class Ledger:
             raise self._error(f"{id} is an input; {advice}")
         if not claim.rule:
             raise self._error(f"{id} has no rule in data/claims/{self.paper}.csv")
+        found = self.judged(claim, measured, se, n, reached)
+        if not (shown or found.text):
+            raise self._error(f"{id}: a truth value needs shown=, its evidence in words")
+        if not shown or claim.kind != "number" and found.se and "margin" not in shown:
+            shown = "; ".join(filter(None, (shown, found.text)))
+        verdict, told = found.verdict, ""
+        if readings or (self._measured(claim) and any(self.options(claim).values())):
+            verdict, told = self._compared(claim, verdict, readings or {}, reached)
+        return self._enter(claim, verdict, shown, found, n, told)
+
+    def judged(self, claim, measured, se, n, reached=False):
+        """What a measurement says of a claim."""
         rule = numbers(claim.rule)
         if isinstance(measured, bool | np.bool_):
             if claim.kind == "number":
-                raise self._error(f"{id} is a number; give the measured value")
-            if not shown:
-                raise self._error(f"{id}: a truth value needs shown=, its evidence in words")
-            return self._enter(claim, shown, 0.0, n, "reproduced" if measured else "differs")
+                raise self._error(f"{claim.id} is a number; give the measured value")
+            return Judgement("reproduced" if measured else "differs")
         if claim.kind == "number":
             value, se = float(measured), float(se)
             published, half = parse(claim.value)
             half = 0.5 * rule["step"] if "step" in rule else half
             verdict, z = judge(published, half, value, se, n, rule.get("runs"), rule.get("null"))
-            return self._enter(claim, shown or digits(value, se), se, n, verdict, z)
+            return Judgement(verdict, digits(value, se), se, z)
         bound = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value) if claim.kind == "bound" else None
         half = rule["half"] if "half" in rule else parse(bound[1])[1] if bound else 0.0
         margins = np.atleast_1d(measured).astype(float) + half  # which relaxes a printed bound
         verdict, i = judge_margins(margins, se, n, reached)
         margin, se = margins[i], float(np.broadcast_to(se, margins.shape)[i])
         text = f"{'least ' if margins.size > 1 else ''}margin {digits(margin, se)}"
-        said = shown and ("margin" in shown or not se)  # without chance the words are the evidence
-        shown = shown if said else f"{shown}; {text}" if shown else text
-        chance = "" if verdict == "reproduced" else luck(margin, se, n, rule.get("runs", self.runs))
-        z = margin / se if se else math.copysign(math.inf, margin) if margin else 0.0
-        return self._enter(claim, shown, se, n, verdict, z, chance)
+        chance = sign_probability(margin, se, n, rule.get("runs", self.runs))
+        z = margin / se if se else math.nan
+        return Judgement(verdict, text, se, z, math.nan if verdict == "reproduced" else chance)
+
+    def options(self, claim):
+        """The options beside the default that a row is flown under, by reading."""
+        return {name: it.others() for name, it in self.readings.items() if claim.id in it.rows}
+
+    def _compared(self, claim, verdict, readings, reached):
+        """Verdict on a claim under several readings, and what each option gives, in words."""
+        self._complete(claim, readings)
+        flown = [(name, option) for name, options in readings.items() for option in options]
+        names = ["default", *map(" ".join, flown)]
+        if len(readings) == 1:
+            names = [self.readings[next(iter(readings))].default, *(option for _, option in flown)]
+        options = [readings[name][option] for name, option in flown]
+        others = [self.judged(claim, it.measured, it.se, it.n, reached).verdict for it in options]
+        every = [verdict, *others]
+        each = ", ".join(map(" ".join, zip(names, every, strict=True)))
+        if self._measured(claim) and differs_between(verdict, others, options):
+            verdict = "depends"
+        return verdict, f"{every.count('reproduced')} of {len(every)}: {each}"
+
+    def _measured(self, claim):
+        """Whether a claim is measured, or repeats one that is."""
+        original = claim.evidence.removeprefix("repeats ")
+        return "measured" in (original, getattr(self.claims.get(original), "evidence", ""))
+
+    def _complete(self, claim, readings):
+        """Raise ValueError unless exactly the options that a row needs are given."""
+        wanted = self.options(claim)
+        for name in (*readings, *wanted):
+            if name not in wanted:
+                near = f"the nearest is {nearest(name, self.readings)!r}"
+                raise self._error(f"{claim.id}: readings.csv has no {name!r} for this row; {near}")
+            given, others = (", ".join(sorted(each.get(name, ()))) for each in (readings, wanted))
+            if given != others:
+                wrong = f"the other options are {others or 'none'}, given are {given or 'none'}"
+                raise self._error(f"{claim.id}: of reading {name!r} {wrong}")
 
     def used(self, id, value, unit=None):
         """Compare the parameter the code runs with to the printed input.
@@ -387,7 +585,7 @@ class Ledger:
             printed = f"the paper prints {claim.value!r} {claim.unit}"
             raise self._error(f"{id}: the code runs with {value!r} {unit or ''}, {printed}")
         shown = _plain(value) + (f" {unit}" if unit else "")
-        return self._enter(claim, shown, verdict="used" if same else "differs")
+        return self._enter(claim, "used" if same else "differs", shown)
 
     def inputs(self, scenario):
         """Enter every field of a dataclass made by ``tbdcore.scenario.given``; the symbol table."""
@@ -410,7 +608,7 @@ class Ledger:
             raise self._error(f"{id}: untestable needs its reason")
         if claim.rule and self.strict:
             raise self._error(f"{id} is untestable, so its rule has to go")
-        return self._enter(claim, verdict="untestable", cause=reason)
+        return self._enter(claim, "untestable", cause=reason)
 
     def table(self):
         """All verdicts in the order of the claims file, as a frame.
@@ -461,16 +659,24 @@ class Ledger:
             raise self._error(f"{id} is checked twice")
         return self._claim(id)
 
-    def _enter(self, claim, shown="", se=0.0, n=None, verdict="", z=None, chance="", cause=""):
+    def _enter(self, claim, verdict, shown="", found=None, n=None, told="", cause=""):
         if verdict == "differs":
             cause = claim.cause if claim.kind != "input" else "parameter changed in this run"
-        texts = published(claim), shown, f"{se:.2g}" if se else "", "" if n is None else str(int(n))
-        ratio = "" if z is None or not math.isfinite(z) or not se else f"{z:.1f}"
-        odds = f"{chance:.2g}" if chance != "" and not math.isnan(chance) else ""
-        odds = "< 1e-9" if odds and chance < 1e-9 else odds
-        known = claim.evidence if verdict in VERDICTS[:3] else ""
-        head = claim.id, claim.item, claim.quantity
-        self.verdicts[claim.id] = Verdict(*head, *texts, ratio, odds, verdict, known, cause)
+        found, chance = found or Judgement(verdict), ""
+        if not math.isnan(found.sign_probability):
+            least = found.sign_probability < 1e-9
+            chance = "< 1e-9" if least else f"{found.sign_probability:.2g}"
+        self.verdicts[claim.id] = Verdict(
+            *(claim.id, claim.item, claim.quantity, published(claim), shown),
+            se=f"{found.se:.2g}" if found.se else "",
+            n="" if n is None else str(int(n)),
+            z=f"{found.z:.1f}" if found.se and math.isfinite(found.z) else "",
+            sign_probability=chance,
+            verdict=verdict,
+            readings=told,
+            evidence=claim.evidence if verdict in JUDGED else "",
+            cause=cause,
+        )
         return self.verdicts[claim.id]
 
 
@@ -526,25 +732,23 @@ def verdicts(paper, folder=None):
     if not path.is_file():
         raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: {again}")
     try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    except ValueError:  # pandas' own errors are of this kind
-        raise ValueError(f"{path}: no table of verdicts; make it anew: {again}") from None
-    if tuple(table.columns) != Verdict._fields:
-        found = ",".join(table.columns)
-        raise ValueError(f"{path}: its columns are {found}; make it anew: {again}")
-    rows = read(paper)
-    if list(table["id"]) != list(rows):
-        odd = ", ".join(sorted(set(table["id"]) ^ set(rows))) or "their order"
+        table = pd.DataFrame(rows(path, Verdict._fields), columns=Verdict._fields)
+    except ValueError as error:
+        wrong = f"no table of verdicts ({error})"
+        raise ValueError(f"{path}: {wrong}; make it anew: {again}") from None
+    known = read(paper)
+    if list(table["id"]) != list(known):
+        odd = ", ".join(sorted(set(table["id"]) ^ set(known))) or "their order"
         files = f"verdicts.csv and data/claims/{paper}.csv"
         raise ValueError(f"{paper}: {files} do not match in {odd}; run {again}")
     for number, row in enumerate(table.itertuples(), start=2):
-        claim = rows[row.id]
+        claim = known[row.id]
         pairs = {"value": (published(claim), row.published)}
         pairs["evidence"] = (claim.evidence, row.evidence or claim.evidence)
         for column, (ours, theirs) in pairs.items():
             if ours != theirs:
                 wrong = f"{ours!r}, but the verdict is on {theirs!r}; correct it, or run {again}"
-                raise _fault(f"{paper}.csv", number, column, wrong)
+                raise fault(f"{paper}.csv", number, column, wrong)
     return table
 
 
@@ -564,9 +768,9 @@ def counts(table):
     kind = table["evidence"].str.split(" ").str[0]
     measured = table[kind == "measured"]
     row = {"claims": len(table)}
-    row |= {f"measured: {v}": int((measured["verdict"] == v).sum()) for v in VERDICTS[:3]}
+    row |= {f"measured: {v}": int((measured["verdict"] == v).sum()) for v in JUDGED}
     row |= {name: int((kind == name).sum()) for name in EVIDENCE[1:]}
-    row |= {name: int((table["verdict"] == name).sum()) for name in VERDICTS[3:]}
+    row |= {name: int((table["verdict"] == name).sum()) for name in ("untestable", "used")}
     return row | {"differs by chance, about": f"{0.0093 * (measured['se'] != '').sum():.2f}"}
 
 
@@ -577,45 +781,3 @@ def scorecard(folder=None):
     every = ledger(folder)
     tables = [*every.groupby("paper"), ("all", every)]
     return pd.DataFrame([{"paper": paper} | counts(table) for paper, table in tables])
-
-
-# Rules that changed --------------------------------------------------------------------------
-
-
-def rule_digest(rule):
-    """Short hash of a rule."""
-    return hashlib.sha256(rule.encode()).hexdigest()[:8]
-
-
-_ENTRY = re.compile(
-    r"^## (?P<paper>\w+) (?P<id>\S+)$"
-    r".*?^- was \((?P<old>\w{8})\): (?P<was>.*?)$.*?^- is \((?P<new>\w{8})\): (?P<is>.*?)$",
-    re.MULTILINE | re.DOTALL,
-)
-
-
-def history():
-    """Replay data/claims/CHANGES.md; returns complaints, one line each, empty if all is listed.
-
-    ``declared.csv`` beside it has the digest of each rule as it was first declared.  Each entry
-    leads from one digest to the next, and the last one is that of the present rule.
-    """
-    text = paths.CLAIMS.joinpath("CHANGES.md").read_text(encoding="utf-8")
-    lines = paths.CLAIMS.joinpath("declared.csv").read_text(encoding="utf-8").splitlines()
-    now = {(paper, id): declared for paper, id, declared in csv.reader(lines[1:])}
-    wrong = []
-    for entry in _ENTRY.finditer(text):
-        key, old, new = entry.group("paper", "id"), entry["old"], entry["new"]
-        where = f"CHANGES.md, {' '.join(key)}"
-        if rule_digest(entry["was"]) != old or rule_digest(entry["is"]) != new:
-            wrong.append(f"{where}: a digest is not that of its rule")
-        if now.get(key, "") != old:
-            wrong.append(f"{where}: the rule before it was {now.get(key)}")
-        now[key] = new
-    for paper in papers():
-        for number, claim in enumerate(read(paper).values(), start=2):
-            declared = now.pop((paper, claim.id), rule_digest(""))
-            if declared != rule_digest(claim.rule):
-                said = f"changed without an entry in CHANGES.md (now {rule_digest(claim.rule)})"
-                wrong.append(str(_fault(f"{paper}.csv", number, "rule", f"{claim.id}: {said}")))
-    return wrong + [f"declared.csv: {' '.join(key)} is no row" for key in now]

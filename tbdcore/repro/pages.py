@@ -258,8 +258,8 @@ def usable(out):
 
 def digest(paper):
     """Short hash of the meaning of what makes a paper's products: the parsed code of notebook,
-    imported modules and used pages, and the claims file but for its causes; for the index also
-    the verdicts and the advice that it shows.
+    imported modules and used pages, the claims file but for its causes and the readings but for
+    their words; for the index also the verdicts and the advice that it shows.
     """
     used = re.findall(r'\bpage\("(\w+)"\)', "\n".join(cells(paper)))
     others = [cell for name in sorted({*used} - {paper}) for cell in cells(name, "algorithm")]
@@ -277,6 +277,7 @@ def digest(paper):
         parts += [file.read_text(encoding="utf-8") for file in shown if file.is_file()]
     if paper in claims.papers():
         parts += ["\0".join(row[:-1]) for row in claims.read(paper).values()]  # the cause is last
+        parts += [repr(row._replace(words="")) for row in claims.readings(paper).values()]
     return products.digest([part.encode() for part in parts])
 
 

@@ -6,10 +6,11 @@ parents.  A folder is a repository if it holds ``notebooks/`` and ``data/papers.
 one, every path but ``PACKAGE`` raises OSError.
 
 ``TBDCORE_FIGURES`` moves the products of default runs elsewhere: the tests use it, so that
-checking the committed figures never rewrites them.
+checking the committed figures never rewrites them.  ``TBDCORE_BUILD`` moves ``build/``.
 """
 
 import os
+import tempfile
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]  # the modules themselves, wherever they are installed
@@ -40,6 +41,8 @@ def root():
 def __getattr__(name):
     if name == "ROOT":
         return root()
+    if name == "BUILD" and os.environ.get("TBDCORE_BUILD"):
+        return Path(os.environ["TBDCORE_BUILD"]).resolve()
     if name in PLACES:
         return root() / PLACES[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -48,3 +51,14 @@ def __getattr__(name):
 def figures():
     """The folder of the committed products, or the one that TBDCORE_FIGURES names."""
     return Path(os.environ.get("TBDCORE_FIGURES") or root() / PLACES["PRODUCTS"]).resolve()
+
+
+def writable(folder):
+    """Whether files can be made in a folder, or in the one that it would be made in."""
+    while not folder.exists():
+        folder = folder.parent
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True

@@ -3,24 +3,23 @@
 A product is a set of files with one name, ``<paper>/<name>``.  Its JSON, the *record*, says what
 made it: caption, parameters, seed, trials, claims shown, package versions, and a digest of the
 *meaning* of its sources: the parsed code of the page and of the modules that it imports, and the
-claims file but for its causes.  Comments, docstrings, layout and text cells do not count.
+claims file but for its causes.  Comments, docstrings, layout, text cells, the version number and
+the texts of messages do not count.
 """
 
 import ast
-import contextlib
+import functools
 import hashlib
 import json
 import math
 import os
 import re
-import signal
 import textwrap
 from importlib.metadata import version
 
 from tbdcore.repro import paths
+from tbdcore.repro.processes import signals_held
 
-# what asks a run to end
-ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 RECORDED = ("id", "caption", "paper", "claims", "files", "seed", "trials", "digest")
 
 # Files ---------------------------------------------------------------------------------------
@@ -48,36 +47,6 @@ def write(folder, files, old=()):
             part.unlink(missing_ok=True)
 
 
-@contextlib.contextmanager
-def signals_to(handler):
-    """Signals that ask the run to end go to a handler until the block is done.
-
-    They reach the main thread only; one that the caller ignores (nohup) stays ignored.
-    """
-    before = {}
-    with contextlib.suppress(ValueError):  # not the main thread
-        for number in ENDING:
-            if signal.getsignal(number) != signal.SIG_IGN:
-                before[number] = signal.signal(number, handler)
-    try:
-        yield
-    finally:
-        for number, earlier in before.items():
-            signal.signal(number, earlier or signal.SIG_DFL)
-
-
-@contextlib.contextmanager
-def signals_held():
-    """Hold back signals that ask the run to end until the block is done."""
-    came = []
-    try:
-        with signals_to(lambda *event: came.append(event[0])):
-            yield
-    finally:
-        for number in came:
-            signal.raise_signal(number)
-
-
 def record(file):
     """What a product's JSON file says of it; ValueError, naming the file, when it is damaged."""
     try:
@@ -103,60 +72,154 @@ def versions():
     return {name: version(name) for name in ("numpy", "scipy", "numba", "matplotlib", "pandas")}
 
 
+@functools.cache
 def meaning(source):
-    """A source without comments, docstrings and layout: a canonical text of its syntax tree.
+    """What a source computes: a canonical text of its syntax tree, the same on every Python.
 
-    The same on every supported Python: fields that are empty are left out, since which of them a
-    node has depends on the version; neighbouring pieces of a string are one.
+    Comments, docstrings, layout, ``__version__`` and the texts of messages do not count; everything
+    else does.  Fields that are empty are left out: which of them a node has depends on the version.
+
+    The text of a message is a string or f-string among the arguments of an exception that is
+    raised, of ``print`` or of ``warn``; or one assigned to a local name that its function uses in
+    such messages only.  The calls in an f-string count even there.
     """
-    return _walk(ast.parse(source))
+    tree = ast.parse(source)
+    functions = [node for node in ast.walk(tree) if isinstance(node, FUNCTIONS)]
+    said = [*_messages(tree), *(leaf for each in functions for leaf in _local_messages(each))]
+    return _walk(tree, {id(leaf) for leaf in said if _is_text(leaf)})
 
 
-def _walk(node):
+def _walk(node, silent):
+    """Text of a node, or list of nodes; of those whose identity is in `silent` only the calls."""
     if isinstance(node, list):
-        return "[" + ",".join(map(_walk, _merged(node))) + "]"
+        return "[" + ",".join(_walk(each, silent) for each in node) + "]"
     if not isinstance(node, ast.AST):
         return f"{type(node).__name__}:{node!r}"
+    if id(node) in silent:
+        return _walk([each for each in _down_to(CALLS, node) if isinstance(each, CALLS)], silent)
     fields = dict(ast.iter_fields(node))
-    if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-        fields["body"] = fields["body"][ast.get_docstring(node, clean=False) is not None :]
+    if isinstance(node, (ast.Module, ast.ClassDef, *FUNCTIONS)):
+        body = fields["body"][ast.get_docstring(node, clean=False) is not None :]
+        fields["body"] = [statement for statement in body if not _is_version(statement)]
+    if isinstance(node, ast.JoinedStr):
+        fields["values"] = _merged(node.values)
     kept = {name: value for name, value in fields.items() if name not in ("kind", "type_comment")}
-    told = [f"{name}={_walk(value)}" for name, value in kept.items() if value not in (None, [])]
+    told = [f"{name}={_walk(it, silent)}" for name, it in kept.items() if it not in (None, [])]
     if isinstance(node, ast.Constant) and node.value is None:
         told = ["value=None"]
     return f"{type(node).__name__}({','.join(told)})"
 
 
-def _merged(nodes):
-    """Neighbouring string constants, as an f-string has them, as one."""
+def _is_version(statement):
+    return [getattr(it, "id", "") for it in getattr(statement, "targets", ())] == ["__version__"]
+
+
+def _is_text(node):
+    return isinstance(node, ast.JoinedStr) or isinstance(getattr(node, "value", None), str)
+
+
+def _merged(pieces):
+    """Pieces of an f-string, neighbouring texts as one: Python versions divide them differently."""
     out = []
-    for node in nodes:
-        if out and all(isinstance(getattr(n, "value", None), str) for n in (out[-1], node)):
-            node = ast.Constant(out.pop().value + node.value)
-        out.append(node)
+    for piece in (each for each in pieces if getattr(each, "value", None) != ""):
+        if out and _is_text(out[-1]) and _is_text(piece):
+            piece = ast.Constant(out.pop().value + piece.value)
+        out.append(piece)
     return out
+
+
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+SCOPES = (*FUNCTIONS, ast.ClassDef, ast.Lambda)
+CALLS = (ast.Call, ast.NamedExpr, ast.Await, ast.Yield, ast.YieldFrom)
+JOINED = {ast.IfExp: ("body", "orelse"), ast.BinOp: ("left", "right")}
+
+
+def _messages(tree):
+    """The expressions that are put together to the messages of a tree."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise):
+            yield from _arguments(node.exc)
+        elif isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            to_file = {keyword.arg for keyword in node.keywords} & {"file", None}
+            if name == "warn" or (name == "print" and not to_file):
+                yield from _arguments(node)
+
+
+def _arguments(call):
+    """The expressions that are put together to the arguments of a call; none without a call."""
+    if isinstance(call, ast.Call):
+        for argument in (*call.args, *(keyword.value for keyword in call.keywords)):
+            yield from _leaves(argument)
+
+
+def _leaves(node):
+    """What an expression chooses from or joins."""
+    parts = [getattr(node, name) for name in JOINED.get(type(node), ())]
+    return [leaf for part in parts for leaf in _leaves(part)] if parts else [node]
+
+
+def _down_to(kinds, node):
+    """A node and everything in it, but nothing that is in a node of some kinds."""
+    yield node
+    if not isinstance(node, kinds):
+        for child in ast.iter_child_nodes(node):
+            yield from _down_to(kinds, child)
+
+
+def _local_messages(function):
+    """The expressions assigned to local names that a function uses in messages only."""
+    leaves = {}
+    for node in (node for statement in function.body for node in _down_to(SCOPES, statement)):
+        if isinstance(node, ast.Assign) and [type(each) for each in node.targets] == [ast.Name]:
+            leaves.setdefault(node.targets[0].id, []).extend(_leaves(node.value))
+    while odd := _used_elsewhere(function, leaves):
+        leaves = {name: each for name, each in leaves.items() if name not in odd}
+    return [leaf for each in leaves.values() for leaf in each]
+
+
+def _used_elsewhere(function, leaves):
+    """The names in `leaves` that are not local, or used elsewhere than in messages and `leaves`."""
+    told = [*_messages(function), *(leaf for each in leaves.values() for leaf in each)]
+    told = [leaf for leaf in told if isinstance(leaf, ast.JoinedStr | ast.Name)]
+    shown = {id(part) for leaf in told for part in _down_to(CALLS, leaf)}
+    used = set()
+    for node in ast.walk(function):
+        if isinstance(node, ast.Global | ast.Nonlocal):
+            used.update(node.names)
+        elif isinstance(node, ast.Name) and id(node) not in shown:
+            every = node.id in ("locals", "vars", "eval", "exec")
+            used.update(leaves if every else [node.id] if isinstance(node.ctx, ast.Load) else [])
+    return used & leaves.keys()
 
 
 def imported(source):
     """Files of this package that a source imports, directly or through one another, sorted."""
-    found, todo = set(), _imports(source)
+    found, todo = set(), _files(source)
     while todo:
         file = todo.pop()
         found.add(file)
-        todo |= _imports(file.read_text(encoding="utf-8")) - found
+        todo |= _files(file.read_text(encoding="utf-8")) - found
     return sorted(found)
 
 
-def _imports(source):
-    names = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tbdcore"):
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names if alias.name.startswith("tbdcore")}
-    parts = [name.split(".")[1:] for name in names]
+def _files(source):
+    """Files of this package that a source imports directly."""
+    parts = [name.split(".")[1:] for name in _imports(source)]
     files = {paths.PACKAGE.joinpath(*part).with_suffix(".py") for part in parts if part}
     return {file for file in files if file.is_file()}
+
+
+@functools.cache
+def _imports(source):
+    """Names of this package that a source imports."""
+    names = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom):
+            names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+    return [name for name in names if name.startswith("tbdcore")]
 
 
 # Tables as text ------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 ``figures/scorecard.csv`` has every verdict, the share of the seeds that give it and the verdict of
 all seeds together (``data/seeds.csv``, made by ``benchmarks/seeds.py``), ``scorecard.md`` the
 counts, ``figures/README.md`` all products, ``figures.bib`` the papers, and the repository's README
-has a table of the papers between two markers.
+has a table of the papers between two markers, and the rows whose verdict all seeds together change.
 """
 
 import contextlib
@@ -46,7 +46,7 @@ def study():
 
     ValueError when the file is no such table.
     """
-    columns = ["paper", "claim", "seeds", *claims.VERDICTS[:3], "together"]
+    columns = ["paper", "claim", "seeds", *claims.JUDGED, "together"]
     table = pd.DataFrame(columns=columns)
     if seeds_file().is_file():
         with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
@@ -64,7 +64,7 @@ def with_seeds(every):
     found = study().set_index(["paper", "claim"])
     keys = pd.MultiIndex.from_frame(every[["paper", "id"]])
     found, same = found.reindex(keys), every["verdict"].to_numpy()
-    share = sum((found[v].where(same == v, 0) for v in claims.VERDICTS[:3]), 0.0) / found["seeds"]
+    share = sum((found[v].where(same == v, 0) for v in claims.JUDGED), 0.0) / found["seeds"]
     return every.assign(seeds=share.to_numpy(float), together=found["together"].to_numpy())
 
 
@@ -90,7 +90,22 @@ def _readme(every):
     if not found:
         lines = f"{BEGIN.strip()} and {END.strip()}"
         raise ValueError(f"README.md: {lines} are missing; the table of papers goes between them")
-    return f"{before}{BEGIN}{products.markdown(_papers(every))}{END}{after}"
+    return f"{before}{BEGIN}{products.markdown(_papers(every))}{_together(every)}{END}{after}"
+
+
+def _together(every):
+    """The rows whose verdict is another one on the trials of all seeds together, in a sentence."""
+    odd = every[every["together"].notna() & (every["together"] != every["verdict"])]
+    changed = {paper: [] for paper in odd["paper"]}
+    for (paper, old, new), rows in odd.groupby(["paper", "verdict", "together"], sort=False):
+        changed[paper].append(f"{', '.join(map('`{}`'.format, rows['id']))} ({new}, not {old})")
+    files = {paper: pages.path(paper).name for paper in changed}
+    parts = [
+        f"[{files[it][:-6]}](notebooks/{files[it]}) {', '.join(changed[it])}" for it in changed
+    ]
+    said = f"another verdict on {'; '.join(parts)}" if parts else "the same verdicts"
+    studied = every["together"].notna().any()
+    return f"\nAll [seeds](data/seeds.csv) together give {said}.\n" if studied else ""
 
 
 def _papers(every):
@@ -98,8 +113,8 @@ def _papers(every):
     rows = []
     for paper, about in cite.papers().items():
         counts, notebook = claims.counts(every[every["paper"] == paper]), pages.path(paper)
-        measured = {verdict: counts[f"measured: {verdict}"] for verdict in claims.VERDICTS[:3]}
-        others = [name for name in (*claims.EVIDENCE[1:], *claims.VERDICTS[3:]) if counts[name]]
+        measured = {verdict: counts[f"measured: {verdict}"] for verdict in claims.JUDGED}
+        others = [name for name in (*claims.EVIDENCE[1:], "untestable", "used") if counts[name]]
         rows.append(
             {
                 "paper": f"{about['topic']} ({about['short']})",

@@ -1,46 +1,37 @@
 """Monte Carlo whose digits do not depend on who computes them.
 
 A trial is a function ``trial(seed, i)`` of two plain integers.  It makes its own generators from
-them,
-
-    ``rng = generator(seed, "track_cfar", "fig05", i, "noise")``,
-
-one for each *purpose*: ``truth`` (what the world does), ``noise`` (what the radar adds), ``filter``
-(what the algorithm draws). Nothing else is random.  Four things follow:
-
-* trial 17 can be run again alone, ``trial(seed, 17)``, in a debugger, and is the trial 17 of the
-  big run;
-* a changed filter does not move the data, so two algorithms see the same scenes and their
-  difference is a paired one;
-* one worker and a hundred give the same bits, since no stream is shared and results are put back in
-  trial order;
-* experiments do not disturb one another: a name in the key keeps their streams apart.
+them, ``rng = generator(seed, "track_cfar", "fig05", i, "noise")``, one for each *purpose*:
+``truth`` (what the world does), ``noise`` (what the radar adds), ``filter`` (what the algorithm
+draws).  Nothing else is random.  So trial 17 can be run again alone, ``trial(seed, 17)``; two
+algorithms see the same scenes, and their difference is a paired one; one worker and a hundred give
+the same bits.
 
 The key of a stream is ``SeedSequence(seed, spawn_key=(paper, experiment, trial, purpose))``.  Names
 become integers by CRC-32, which is the same on every machine (Python's own ``hash`` is not).
 
-``run`` is the loop over trials.  It hands chunks of indices to processes of this machine (``loky``,
-which carries functions that were written in a notebook), a ``dask.distributed`` cluster, or any
-other ``concurrent.futures.Executor``, by the number of its workers: on a cluster, its threads.
+``run`` hands chunks of trials to processes of this machine (``loky``, which carries functions of a
+notebook), a ``dask.distributed`` cluster, or any other ``concurrent.futures.Executor``, by the
+number of its workers: on a cluster, its threads.
 """
 
 import contextlib
 import os
 import re
-import threading
-import time
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from zlib import crc32
 
 import numpy as np
-import psutil
 from tqdm import tqdm
+
+from tbdcore.repro import paths, products
+from tbdcore.repro.processes import end_with_parent
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
 SHARES = 3  # a chunk is this part of a worker's share of the trials that are left
+ANSWER = 5  # seconds that a scheduler may take to answer
 PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
-NOTICE = 2  # seconds that a process has to end before it is killed
 DAY = 86400  # seconds an idle process waits; loky prints a warning when one leaves as work arrives
 
 
@@ -93,6 +84,8 @@ def cluster(scheduler):
 @contextlib.contextmanager
 def _executor(executor, workers, scheduler):
     """The executor to use, or None for a plain loop; one that was opened here is closed."""
+    if hasattr(executor, "_client"):  # of a dask cluster
+        _same_sources(executor._client)
     if executor is None and scheduler:
         with _client(scheduler) as client, client.get_executor() as pool:
             yield pool
@@ -118,39 +111,11 @@ def _life():
     return {"timeout": DAY, "initializer": end_with_parent, "initargs": (os.getpid(),)}
 
 
-def end_with_parent(parent):
-    """End this process, and all that it has started, within seconds of its parent's end."""
-
-    def watch():
-        while os.getppid() == parent:
-            time.sleep(1)
-        end(psutil.Process().children(recursive=True))
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def end(processes):
-    """End processes: ask, wait, kill."""
-    for act in (psutil.Process.terminate, psutil.Process.kill):
-        for process in processes:
-            with contextlib.suppress(psutil.NoSuchProcess):
-                act(process)
-        until = time.monotonic() + NOTICE
-        while (processes := list(filter(_runs, processes))) and time.monotonic() < until:
-            time.sleep(0.01)
-
-
-def _runs(process):
-    """Whether a process has not ended; a zombie has, whenever its parent may take note of it."""
-    with contextlib.suppress(psutil.NoSuchProcess):
-        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-    return False
-
-
 @contextlib.contextmanager
 def _client(address):
-    """Client of the dask scheduler at an address, which has a worker or gets one soon."""
+    """Client of the dask scheduler at an address, which has a worker or gets one soon; all workers
+    have the sources of this process.
+    """
     where, here = f"scheduler {address!r}", "or leave it empty for this machine"
     try:
         from distributed import Client
@@ -161,7 +126,7 @@ def _client(address):
         wrong = "no address of a dask scheduler; write tcp://host:8786"
         raise ConnectionError(f"{where}: {wrong}, {here}")
     try:
-        client = Client(address, timeout=5, set_as_default=False)
+        client = Client(address, timeout=ANSWER, set_as_default=False)
     except (OSError, ValueError) as error:  # a timeout among them
         wrong = f"no dask scheduler answers there ({type(error).__name__}); check the address"
         raise ConnectionError(f"{where}: {wrong}, {here}") from None
@@ -171,7 +136,41 @@ def _client(address):
         except TimeoutError:
             advice = f"start one: dask worker {address}"
             raise ConnectionError(f"{where}: it has no worker; {advice}") from None
+        _same_sources(client)
         yield client
+
+
+def _same_sources(client):
+    """Raise ConnectionError when a worker of a cluster has other sources than this process."""
+    ours, wrong = sources(), []
+    for worker, found in sorted(client.run(sources, on_error="return").items()):
+        if not isinstance(found, dict):
+            wrong.append(f"{worker} (no answer: {type(found).__name__})")
+        elif names := [name for name in sorted(ours | found) if ours.get(name) != found.get(name)]:
+            wrong.append(f"{worker} ({', '.join(names)})")
+    if wrong:
+        advice = "take the same commit for all, then start these workers again"
+        raise ConnectionError(f"other sources on the dask worker {', '.join(wrong)}; {advice}")
+
+
+def sources():
+    """Digests of the sources that trials run, by name: the package's modules as they were when this
+    process first read them, and the algorithm cells of the notebooks.
+    """
+    from tbdcore.repro import pages
+
+    chapters = {}
+    with contextlib.suppress(OSError):  # no repository
+        for paper in pages.notebooks():
+            text = "\n".join(pages.cells(paper, "algorithm"))
+            chapters[pages.path(paper).name] = products.digest([text.encode()])
+    return _modules() | chapters
+
+
+@cache
+def _modules():
+    files = sorted(paths.PACKAGE.rglob("*.py"))
+    return {str(f.relative_to(paths.PACKAGE)): products.digest([f.read_bytes()]) for f in files}
 
 
 def _shares(n, workers):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -21,7 +22,9 @@ def would_skip(*runs):
 def test_a_run_says_what_it_does(first_run):
     folder, said = first_run
     assert said.stderr == ""
-    assert said.stdout.startswith("tiny: running\ntiny: 3 claims (2 reproduced, 1 untestable); ")
+    lines = said.stdout.splitlines()
+    assert lines[:2] == ["tiny: running", "tiny: 2 measured (2 reproduced), 1 untestable"]
+    assert re.fullmatch(rf"tiny: \d{{1,2}} s; products in {folder}/figures/tiny", lines[2])
     assert not list((folder / "build").glob("*.part*"))
 
 
@@ -32,7 +35,7 @@ def test_resume_skips_what_is_done(inside, capsys):
     assert json.loads(out) == {
         "paper": "tiny",
         "seconds": 0.0,
-        "verdicts": {"reproduced": 2, "untestable": 1},
+        "verdicts": {"measured: reproduced": 2, "untestable": 1},
         "folder": str(inside / "figures" / "tiny"),
         "notebook": str(inside / "build" / "01_tiny.ipynb"),
         "skipped": True,
@@ -64,7 +67,8 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
     ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], **PIPES)
     pid, build, figures = int(ended.stdout), inside / "build", inside / "figures" / "tiny"
     (build / f"tmp.{pid}.part").mkdir()
-    left = [build / f"01_tiny.{pid}.part.ipynb", figures / f".fig1.png.{pid}.part"]
+    reused = build / f".old.{os.getpid()}.part"  # by another process that had this number
+    left = [build / f"01_tiny.{pid}.part.ipynb", figures / f".fig1.png.{pid}.part", reused]
     kept = [
         build / f"01_tiny.{os.getpid()}.part.ipynb",
         build / "mine.part",
@@ -72,6 +76,7 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
     ]
     for file in (*left, *kept):
         file.touch()
+    os.utime(reused, (0, 0))
     names = sorted([f"tmp.{pid}.part", *(file.name for file in left)])
     said = []
     batch.run("tiny", {}, build / "01_tiny.ipynb", say=said.append, resume=True)
@@ -82,13 +87,9 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
 
 
 def test_debug_shows_where_a_run_failed(tmp_path, capsys):
-    outcome = {
-        "kind": "ValueError",
-        "error": "tiny: bad",
-        "trace": "Traceback\n  ...\nValueError: bad",
-    }
-    (tmp_path / "stderr").touch()
-    (tmp_path / "outcome").write_text(json.dumps(outcome))
+    trace = "Traceback\n  ...\nValueError: bad\n"
+    (tmp_path / "log").touch()
+    (tmp_path / "outcome").write_text(json.dumps(["ValueError", "tiny: bad", trace]))
     with pytest.raises(ValueError, match="^tiny: bad$"):
         batch._raise_failure("tiny", 0, tmp_path, debug=True)
-    assert capsys.readouterr().err == outcome["trace"] + "\n"
+    assert capsys.readouterr().err == trace

@@ -322,3 +322,56 @@ def test_the_same_run_gives_the_same_bytes(execute, tmp_path):
         "fig1.png",
         "fig1.csv",
     ]
+
+
+# Retired ids ---------------------------------------------------------------------------------
+
+RETIRED = "id,last_commit,instead\n"
+
+
+@pytest.mark.parametrize(
+    ("instead", "said"),
+    [
+        ("tiny/table1", "tiny/table1 takes its place"),
+        ("the first figure of Section 5", "the first figure of Section 5 takes its place"),
+        ("", "nothing takes its place"),
+    ],
+)
+def test_a_retired_id_is_answered_in_one_line(execute, capsys, tmp_path, instead, said):
+    folder = tmp_path / "figures"
+    kept = shutil.copy(folder / "tiny" / "fig1.svg", tmp_path / "kept.svg")
+    for file in (folder / "tiny").glob("fig1.*"):
+        file.unlink()
+    (folder / "retired.csv").write_text(f"{RETIRED}tiny/fig1,0123abc,{instead}\n")
+    line = f"tiny/fig1 is retired: {said}; the last commit that has it is 0123abc"
+    code, out, err = tbdcore(capsys, "cite", "tiny/fig1")
+    assert (code, out, err) == (2, "", f"tbdcore: {line}\n")
+    assert tbdcore(capsys, "which", str(kept)) == (1, f"{line}\n", "")
+    assert f"## Retired\n\n### tiny/fig1\n\n{line}.\n" in cite.gallery()
+
+
+def test_without_retired_ids_the_gallery_has_no_list_of_them(execute, tmp_path):
+    (tmp_path / "figures" / "retired.csv").write_text(RETIRED)
+    assert "Retired" not in cite.gallery()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("tiny/fig9", "row 2, column last_commit: 1 fields instead of 3"),
+        ("fig9,0123abc,", "row 2, column id: 'fig9' is no id"),
+        ("tyni/fig9,0123abc,", "row 2, column id: 'tyni/fig9' is no id"),
+        ("tiny/fig1,0123abc,", "row 2, column id: 'tiny/fig1' is still made"),
+        ("tiny/fig9,HEAD,", "row 2, column last_commit: 'HEAD' is no commit"),
+        ("tiny/fig9,0123abc,tiny/fig8", "row 2, column instead: 'tiny/fig8' is not made"),
+        (
+            "tiny/fig9,0123abc,\ntiny/fig9,0123abc,",
+            "row 3: 'tiny/fig9' stands there twice",
+        ),
+    ],
+)
+def test_a_bad_line_of_retired_ids_is_named(execute, capsys, tmp_path, line, words):
+    (tmp_path / "figures" / "retired.csv").write_text(f"{RETIRED}{line}\n")
+    code, out, err = tbdcore(capsys, "cite", "tiny/fig7")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f"retired.csv, {words}" in err

@@ -2,8 +2,11 @@
 complete or fails.
 """
 
+import csv
 import dataclasses
 import math
+import re
+import shutil
 
 import numpy as np
 import pytest
@@ -50,7 +53,7 @@ def test_a_good_file(tmp_path):
 
 
 BAD_LINES = {
-    "duplicate id": (GOOD[1], ("row 5, column id", "'a.in'", "twice")),
+    "duplicate id": (GOOD[1], ("row 5", "'a.in'", "twice")),
     "no number": (ROW.replace("1.5", "about 1.5"), ("row 5, column value", "'about 1.5'")),
     "decimal comma": (
         ROW.replace("1.5", '"1,5"'),
@@ -252,8 +255,8 @@ def test_quantiles_are_of_the_level_of_two_point_six():
     level = math.erfc(2.6 / math.sqrt(2))
     assert claims.quantile() == pytest.approx(2.6, rel=1e-12)
     assert claims.quantile(60) == claims.quantile()
-    t = stats.t.isf(level / 2, 29)
-    assert claims.quantile(30) == pytest.approx(t, rel=1e-9)
+    for n in (2, 30, 45, 59):
+        assert claims.quantile(n) == pytest.approx(stats.t.isf(level / 2, n - 1), rel=1e-9)
     assert claims.quantile(points=5) == pytest.approx(stats.norm.isf(level / 10), rel=1e-9)
 
 
@@ -279,10 +282,10 @@ def test_the_power_of_the_docstring():
     assert 0.88 < share_of("differs", 100, 6, offset=0.55) < 0.92
 
 
-def test_luck_is_the_chance_of_the_printed_sign():
+def test_the_probability_of_the_printed_sign():
     """Our margin -1 with a negligible error, and 100 runs of the paper with an error of 1 each."""
-    assert claims.luck(-0.1, 0.001, 1_000_000, 100) == pytest.approx(0.1587, abs=1e-3)
-    assert math.isnan(claims.luck(-0.1, 0.0))
+    assert claims.sign_probability(-0.1, 0.001, 1_000_000, 100) == pytest.approx(0.1587, abs=1e-3)
+    assert math.isnan(claims.sign_probability(-0.1, 0.0))
 
 
 def test_a_printed_nought_is_judged_by_the_step_of_its_print(tmp_path):
@@ -321,9 +324,15 @@ def test_words_stand_alone_where_chance_has_no_part(tmp_path):
     assert book.check("b", 0.3, shown="A is 1.3, B is 1").measured == "A is 1.3, B is 1"
 
 
-def test_luck_that_nobody_has_is_not_spelled_out(tmp_path):
+def test_a_probability_of_nearly_nought_is_not_spelled_out(tmp_path):
     row = "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B; runs = 50,measured,not excluded"
-    assert ledger(tmp_path, HEADER, row).check("b", -9.0, se=0.1, n=50).luck == "< 1e-9"
+    assert ledger(tmp_path, HEADER, row).check("b", -9.0, se=0.1, n=50).sign_probability == "< 1e-9"
+
+
+def test_the_error_is_that_of_the_margin_that_decides(tmp_path):
+    row = "b,Fig. 4,A beats B,,A > B,,ordering,Sec. 1,A less B,measured,"
+    found = ledger(tmp_path, HEADER, row).check("b", [9.0, 1.0, 8.0], se=[0.3, 0.2, 0.4], n=100)
+    assert (found.measured, found.se, found.z) == ("least margin 1.00", "0.2", "5.0")
 
 
 def test_an_open_ordering_says_how_likely_the_paper_prints_it(tmp_path):
@@ -331,7 +340,7 @@ def test_an_open_ordering_says_how_likely_the_paper_prints_it(tmp_path):
     verdict = ledger(tmp_path, HEADER, row).check("b", [-0.1, 3.0], se=[0.1, 0.1], n=200)
     assert (verdict.verdict, verdict.measured) == ("inconclusive", "least margin -0.10")
     assert verdict.z == "-1.0"
-    assert verdict.luck == f"{stats.norm.cdf(-1 / math.sqrt(1 + 200 / 50)):.2g}"
+    assert verdict.sign_probability == f"{stats.norm.cdf(-1 / math.sqrt(1 + 200 / 50)):.2g}"
 
 
 @pytest.mark.parametrize(("runs", "known"), [((50, 50), 50), ((50, 60), None)])
@@ -342,17 +351,17 @@ def test_an_ordering_takes_the_runs_that_all_other_rules_name(tmp_path, runs, kn
     book = ledger(
         tmp_path, HEADER, *numbers, "b,Fig. 4,A > B,,A > B,,ordering,Sec. 1,A less B,measured,"
     )
-    chance = f"{claims.luck(-0.1, 0.1, 200, known):.2g}" if known else ""
-    assert book.check("b", -0.1, se=0.1, n=200).luck == chance
+    chance = f"{claims.sign_probability(-0.1, 0.1, 200, known):.2g}" if known else ""
+    assert book.check("b", -0.1, se=0.1, n=200).sign_probability == chance
 
 
 @pytest.mark.parametrize("paper", claims.papers())
-def test_each_open_ordering_has_its_luck(paper):
+def test_each_open_ordering_has_its_probability(paper):
     """In the committed verdicts, wherever chance has a part."""
     table, rows = claims.verdicts(paper), claims.read(paper)
     open_ = table[table["verdict"].isin(["differs", "inconclusive"]) & (table["n"] != "")]
     for row in open_[open_["se"] != ""].itertuples():
-        assert bool(row.luck) == (rows[row.id].kind != "number"), row.id
+        assert bool(row.sign_probability) == (rows[row.id].kind != "number"), row.id
 
 
 def test_a_page_takes_the_numbers_of_a_rule_from_the_file(tmp_path):
@@ -438,7 +447,7 @@ def test_a_row_that_repeats_has_the_verdict_of_its_original(tmp_path):
         book.check("a.order", 1.0, se=0.1)
         assert book.check("b", margin, se=0.1).evidence == "repeats a.order"
         assert len(book.table()) == 4
-    book = ledger(tmp_path, *GOOD, again.replace("measured,", "measured,luck"))
+    book = ledger(tmp_path, *GOOD, again.replace("measured,", "measured,a slip"))
     book.used("a.in", 500)
     book.check("a.num", 287.1)
     book.check("a.order", 1.0, se=0.1)
@@ -559,10 +568,10 @@ def test_a_changed_scenario_is_an_error_in_a_default_run(tmp_path):
     assert book.verdicts["a.in"].verdict == "differs"
 
 
-VERDICTS = """id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause
-mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.0,,reproduced,measured,
-order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.0,,reproduced,measured,
-price,text,price,cheap,,,,,,untestable,,An opinion.
+VERDICTS = f"""{",".join(claims.Verdict._fields)}
+mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.0,,reproduced,,measured,
+order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.0,,reproduced,,measured,
+price,text,price,cheap,,,,,,untestable,,,An opinion.
 """
 
 
@@ -577,9 +586,9 @@ def test_the_scorecard_counts(repository):
     enter(repository, VERDICTS)
     card = claims.scorecard()
     assert list(card["paper"]) == ["tiny", "all"]
-    columns = ["claims", *(f"measured: {v}" for v in ("reproduced", "differs", "inconclusive"))]
+    columns = ["claims", *(f"measured: {v}" for v in claims.JUDGED)]
     columns += ["calibrated", "constructed", "repeats", "untestable", "used"]
-    assert card[columns].to_numpy().tolist() == [[3, 2, 0, 0, 0, 0, 0, 1, 0]] * 2
+    assert card[columns].to_numpy().tolist() == [[3, 2, 0, 0, 0, 0, 0, 0, 1, 0]] * 2
     assert list(card["differs by chance, about"]) == ["0.02", "0.02"]
     rows = claims.ledger()[["paper", "id", "verdict"]].to_numpy().tolist()
     assert rows == [
@@ -618,8 +627,46 @@ def test_the_committed_claims_can_be_read(paper):
 # Rules ---------------------------------------------------------------------------------------
 
 
+_ENTRY = re.compile(
+    r"^## (?P<paper>\w+) (?P<id>\S+)$"
+    r".*?^- was \((?P<old>\w{8})\): (?P<was>.*?)$.*?^- is \((?P<new>\w{8})\): (?P<is>.*?)$",
+    re.MULTILINE | re.DOTALL,
+)
+
+
+def history():
+    """Replay data/claims/CHANGES.md; returns complaints, one line each, empty if all is listed.
+
+    ``declared.csv`` beside it has the digest of each rule as it was first declared.  Each entry
+    leads from one digest to the next, and the last one is that of the present rule.
+    """
+    text = paths.CLAIMS.joinpath("CHANGES.md").read_text(encoding="utf-8")
+    lines = paths.CLAIMS.joinpath("declared.csv").read_text(encoding="utf-8").splitlines()
+    now = {(paper, id): declared for paper, id, declared in csv.reader(lines[1:])}
+    wrong = []
+    for entry in _ENTRY.finditer(text):
+        key, old, new = entry.group("paper", "id"), entry["old"], entry["new"]
+        where = f"CHANGES.md, {' '.join(key)}"
+        if claims.rule_digest(entry["was"]) != old or claims.rule_digest(entry["is"]) != new:
+            wrong.append(f"{where}: a digest is not that of its rule")
+        if now.get(key, "") != old:
+            wrong.append(f"{where}: the rule before it was {now.get(key)}")
+        now[key] = new
+    for paper in claims.papers():
+        for number, claim in enumerate(claims.read(paper).values(), start=2):
+            declared = now.pop((paper, claim.id), claims.rule_digest(""))
+            if declared != claims.rule_digest(claim.rule):
+                said = (
+                    f"changed without an entry in CHANGES.md (now {claims.rule_digest(claim.rule)})"
+                )
+                wrong.append(
+                    str(claims.fault(f"{paper}.csv", number, "rule", f"{claim.id}: {said}"))
+                )
+    return wrong + [f"declared.csv: {' '.join(key)} is no row" for key in now]
+
+
 def test_every_changed_rule_is_listed():
-    assert claims.history() == []
+    assert history() == []
 
 
 def changed(repository, rule, entries=""):
@@ -632,7 +679,7 @@ def changed(repository, rule, entries=""):
     (paths.CLAIMS / "declared.csv").write_text("\n".join(lines))
     (paths.CLAIMS / "CHANGES.md").write_text(f"# Changes\n\n{entries}")
     file.write_text(file.read_text().replace(first, rule))
-    return claims.history()
+    return history()
 
 
 def entry(old, new):
@@ -660,3 +707,223 @@ def test_a_broken_chain_is_found(repository):
     assert any("the rule before it was" in w for w in changed(repository, third, entry("x", third)))
     forged = entry(first, third).replace(claims.rule_digest(third), "00000000")
     assert any("a digest is not that" in w for w in changed(repository, third, forged))
+
+
+# Readings ------------------------------------------------------------------------------------
+
+READINGS = ",".join(claims.Reading._fields)
+WEIGHTS = "toy,weights,p. 3: the weight of a sample,own cell;gated;single,own cell,a.num,"
+
+
+def with_readings(folder, *lines, claims=GOOD):
+    """The folder of a claims file `toy`, beside which is a file of readings."""
+    (folder / "claims").mkdir(exist_ok=True)
+    (folder / "readings.csv").write_text("\n".join([READINGS, *lines, ""]))
+    return written(folder / "claims", *claims)
+
+
+def flown(default, *values, error=0.001, names=("gated", "single")):
+    """The options of a reading under which the range that is printed as 287.10 has these values."""
+    return {
+        name: claims.Option(value, value - default, error, se=0.001, n=400)
+        for name, value in zip(names, values, strict=True)
+    }
+
+
+def judged(folder, default, readings, line=WEIGHTS, claims=GOOD):
+    book = Ledger("toy", True, with_readings(folder, *line.splitlines(), claims=claims))
+    return book.check("a.num", default, se=0.001, n=400, readings=readings)
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict", "told"),
+    [
+        ((287.1, 287.1, 287.3), "depends", "2 of 3: {}reproduced, {}reproduced, {}differs"),
+        ((287.3, 287.3, 287.1), "depends", "1 of 3: {}differs, {}differs, {}reproduced"),
+        ((287.1, 287.1, 287.1), "reproduced", "3 of 3: {}reproduced, {}reproduced, {}reproduced"),
+        ((287.3, 287.4, 287.5), "differs", "0 of 3: {}differs, {}differs, {}differs"),
+    ],
+)
+def test_a_verdict_that_hangs_on_a_reading_depends(tmp_path, values, verdict, told):
+    found = judged(tmp_path, values[0], {"weights": flown(*values)})
+    assert (found.verdict, found.evidence) == (verdict, "measured")
+    assert found.readings == told.format("own cell ", "gated ", "single ")
+    assert found.measured == f"{values[0]:.4f}", "of the default"
+
+
+@pytest.mark.parametrize(("errors", "verdict"), [(2.80, "reproduced"), (2.86, "depends")])
+def test_a_difference_that_chance_explains_makes_no_verdict_depend(tmp_path, errors, verdict):
+    """Bonferroni's quantile of two differences is 2.83."""
+    options = flown(287.1, 287.1, 287.3, error=0.2 / errors)
+    assert judged(tmp_path, 287.1, {"weights": options}).verdict == verdict
+
+
+@pytest.mark.parametrize(("errors", "verdict"), [(2.80, "reproduced"), (2.86, "depends")])
+def test_each_margin_has_its_difference(tmp_path, errors, verdict):
+    folder = with_readings(tmp_path, WEIGHTS.replace("gated;", "").replace("a.num", "a.order"))
+    option = claims.Option([-3.0, 5.0], [-errors, 0.0], [1.0, 1.0], se=[0.5, 1.0], n=400)
+    check = Ledger("toy", True, folder).check
+    found = check("a.order", [5.0, 5.0], se=1.0, n=400, readings={"weights": {"single": option}})
+    assert found.verdict == verdict
+
+
+def test_without_chance_every_difference_counts(tmp_path):
+    folder = with_readings(tmp_path, WEIGHTS.replace("gated;", "").replace("a.num", "a.order"))
+    readings = {"weights": {"single": claims.Option(False, 1.0)}}
+    found = Ledger("toy", True, folder).check("a.order", True, shown="7 of 7", readings=readings)
+    assert (found.verdict, found.measured) == ("depends", "7 of 7")
+
+
+def test_an_open_default_depends_when_two_others_contradict_one_another(tmp_path):
+    options = flown(287.2, 287.1, 287.3)
+    book = Ledger("toy", True, with_readings(tmp_path, WEIGHTS))
+    found = book.check("a.num", 287.2, se=0.1, n=400, readings={"weights": options})
+    assert found.readings.startswith("1 of 3: own cell inconclusive")
+    assert found.verdict == "depends"
+
+
+@pytest.mark.parametrize(
+    ("evidence", "verdict"), [("calibrated", "reproduced"), ("constructed", "reproduced")]
+)
+def test_a_row_that_no_experiment_decides_keeps_its_verdict(tmp_path, evidence, verdict):
+    lines = [line.replace("measured", evidence) for line in GOOD]
+    found = judged(tmp_path, 287.1, {"weights": flown(287.1, 287.1, 287.3)}, claims=lines)
+    assert (found.verdict, found.readings[:6]) == (verdict, "2 of 3")
+    assert judged(tmp_path, 287.1, None, claims=lines).readings == ""
+
+
+def test_two_readings_are_flown_one_at_a_time(tmp_path):
+    lines = f"{WEIGHTS}\ntoy,births,a gap,all;new;none,all,a.*,none: 40 misses where 2 are printed"
+    readings = {"weights": flown(287.1, 287.1, 287.1), "births": flown(287.1, 287.3, names=["new"])}
+    found = judged(tmp_path, 287.1, readings, lines)
+    said = "weights gated reproduced, weights single reproduced, births new differs"
+    assert (found.verdict, found.readings) == ("depends", f"3 of 4: default reproduced, {said}")
+
+
+def test_a_row_that_depends_has_no_cause_and_its_repeats_depend_too(tmp_path):
+    again = "b,Sec. 3,range,,287.10,km,number,Sec. 3,As a.num,repeats a.num,"
+    lines = [HEADER, GOOD[2], again]
+    folder = with_readings(tmp_path, WEIGHTS.replace("a.num", "a.num; b"), claims=lines)
+    readings = {"weights": flown(287.1, 287.1, 287.3)}
+    book = Ledger("toy", True, folder)
+    for id in ("a.num", "b"):
+        book.check(id, 287.1, se=0.001, n=400, readings=readings)
+    table = book.table()
+    assert list(table["verdict"]) == ["depends"] * 2
+    count = claims.counts(table)
+    assert (count["measured: depends"], count["measured: reproduced"], count["repeats"]) == (
+        1,
+        0,
+        1,
+    )
+    assert book.summary() == "2 depends"
+    book.claims["a.num"] = book.claims["a.num"]._replace(cause="a slip; section 9")
+    with pytest.raises(ValueError, match=r"a\.num is depends but the file gives a cause"):
+        book.table()
+
+
+def test_what_repeats_a_calibrated_row_keeps_its_verdict_as_well(tmp_path):
+    again = "b,Sec. 3,range,,287.10,km,number,Sec. 3,As a.num,repeats a.num,"
+    lines = [HEADER, GOOD[2].replace("measured", "calibrated"), again]
+    book = Ledger("toy", True, with_readings(tmp_path, WEIGHTS.replace("a.num", "*"), claims=lines))
+    options = {"weights": flown(287.1, 287.1, 287.3)}
+    found = book.check("b", 287.1, se=0.001, n=400, readings=options)
+    assert (found.verdict, found.readings[:6]) == ("reproduced", "2 of 3")
+
+
+FLOWN = """chapter,name,words,options,default,rows,refuted
+dp_tbd,eq. (10),|m - r| or |m|,m;m-r,m,f2.gain.sw_conv.w02,
+mda_tbd,eq. (12),what counts,own-cell;available;strict;per-sample;least-squares,own-cell,t2.*,\
+strict: z = 4.2 with the bias of the same row; per-sample: z = 8.0 with it
+"""
+OSPA = {  # of 03 under the readings of equation (12); 103.2 m is printed
+    "available": claims.Option(99.5, 4.6, 2.0, se=2.1, n=100),
+    "least-squares": claims.Option(83.8, -11.1, 3.0, se=2.5, n=100),
+}
+
+
+@pytest.mark.parametrize(("evidence", "verdict"), [("calibrated", 0), ("measured", "depends")])
+def test_the_readings_of_03(tmp_path, evidence, verdict):
+    """Own-cell is within chance of the print; least-squares is not, and far from own-cell."""
+    folder = shutil.copytree(paths.CLAIMS, tmp_path / "claims")
+    (tmp_path / "readings.csv").write_text(FLOWN)
+    book = Ledger("mda_tbd", True, folder)
+    assert set(book.readings) == {"eq. (12)"}
+    book.claims["t2.4.ospa"] = book.claims["t2.4.ospa"]._replace(evidence=evidence)
+    found = book.check("t2.4.ospa", 94.9, se=2.9, n=100, readings={"eq. (12)": OSPA})
+    assert found.verdict == (verdict or "reproduced")
+    assert (
+        found.readings == "2 of 3: own-cell reproduced, available reproduced, least-squares differs"
+    )
+
+
+def test_the_readings_of_01(tmp_path):
+    """With the literal equation (10) the gain is as far from the printed 3 dB."""
+    folder = shutil.copytree(paths.CLAIMS, tmp_path / "claims")
+    (tmp_path / "readings.csv").write_text(FLOWN)
+    readings = {"eq. (10)": {"m-r": claims.Option(1.71, -0.02, 0.01, se=0.03, n=4000)}}
+    check = Ledger("dp_tbd", True, folder).check
+    found = check("f2.gain.sw_conv.w02", 1.734, se=0.032, n=4000, readings=readings)
+    assert (found.verdict, found.readings) == ("differs", "0 of 2: m differs, m-r differs")
+
+
+BAD_OPTIONS = {
+    "none": (None, "of reading 'weights' the other options are gated, single, given are none"),
+    "one is missing": ({"weights": flown(287.1, 287.1, names=["gated"])}, "given are gated"),
+    "unknown option": (
+        {"weights": flown(287.1, 287.1, 287.1, names=["gated", "singel"])},
+        "given are gated, singel",
+    ),
+    "unknown reading": (
+        {"weight": flown(287.1, 287.1, 287.1)},
+        "readings.csv has no 'weight' for this row; the nearest is 'weights'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("readings", "message"), BAD_OPTIONS.values(), ids=BAD_OPTIONS)
+def test_a_row_is_judged_under_exactly_the_options_of_its_readings(tmp_path, readings, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        judged(tmp_path, 287.1, readings)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_reading_touches_its_rows_only(tmp_path):
+    book = Ledger("toy", True, with_readings(tmp_path, WEIGHTS))
+    with pytest.raises(ValueError, match="no 'weights' for this row"):
+        book.check("a.order", 1.0, se=0.1, readings={"weights": flown(1.0, 1.0, 1.0)})
+    assert book.check("a.order", 1.0, se=0.1).readings == ""
+
+
+BAD_READINGS = {
+    "damaged": ("a,b", ("row 2, column words", "2 fields instead of 7")),
+    "unknown chapter": (WEIGHTS.replace("toy", "tyo"), ("column chapter", "'tyo'", "'toy'")),
+    "twice": (f"{WEIGHTS}\n{WEIGHTS}", ("row 3", "('toy', 'weights') stands there twice")),
+    "no words": (WEIGHTS.replace("p. 3: the weight of a sample", ""), ("column words: empty",)),
+    "one option": (WEIGHTS.replace(";gated;single", ""), ("column options", "two or more")),
+    "an option twice": (WEIGHTS.replace("gated", "single"), ("column options", "each once")),
+    "a default that is no option": (
+        WEIGHTS.replace(",own cell,a", ",cell,a"),
+        ("column default", "'cell' is none of the options own cell, gated, single"),
+    ),
+    "no such row": (WEIGHTS.replace("a.num", "a.nun"), ("column rows", "'a.nun'", "'a.num'")),
+    "no rows": (WEIGHTS.replace("a.num", ""), ("column rows: empty",)),
+    "refuted without a reason": (f"{WEIGHTS}gated", ("column refuted", "'gated'; write option: ")),
+    "refuted default": (f"{WEIGHTS}own cell: z = 9", ("column refuted", "no default")),
+    "refuted and unknown": (f"{WEIGHTS}gate: z = 9", ("column refuted", "'gate: z = 9'")),
+}
+
+
+@pytest.mark.parametrize(("lines", "words"), BAD_READINGS.values(), ids=BAD_READINGS)
+def test_a_bad_reading_is_named_by_file_row_and_column(tmp_path, lines, words):
+    folder = with_readings(tmp_path, *lines.splitlines())
+    with pytest.raises(ValueError, match=r"^readings\.csv, row ") as caught:
+        Ledger("toy", True, folder)
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("paper", claims.papers())
+def test_the_committed_readings_can_be_read(paper):
+    assert {reading.chapter for reading in claims.readings(paper).values()} <= {paper}

@@ -9,20 +9,24 @@ import pytest
 import tiny
 
 import tbdcore
-from tbdcore.repro import batch, cite, claims, cli, paths, trials
+from tbdcore.repro import batch, cite, claims, cli, commands, paths, trials
 
-HEADER = "id,item,quantity,published,measured,se,n,z,luck,verdict,evidence,cause"
+HEADER = ",".join(claims.Verdict._fields)
 VERDICTS = f"""{HEADER}
-mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.00,,reproduced,measured,
-order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.00,,reproduced,measured,
-price,text,price,cheap,,,,,,untestable,,An opinion.
+mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.00,,reproduced,,measured,
+order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.00,,reproduced,,measured,
+price,text,price,cheap,,,,,,untestable,,,An opinion.
 """
-TABLE = """<!-- scorecard -->
-| paper | notebook | measured | reproduced | differs | inconclusive | not measured | run time |
-| --- | --- | --- | --- | --- | --- | --- | --- |
-| Means (the tiny paper) | [01_tiny](notebooks/01_tiny.ipynb) | 2 | 2 | 0 | 0 | 1 untestable |  |
+TINY = "[01_tiny](notebooks/01_tiny.ipynb)"
+TABLE = f"""<!-- scorecard -->
+| paper | notebook | measured | {" | ".join(claims.JUDGED)} | not measured | run time |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |
+| Means (the tiny paper) | {TINY} | 2 | 2 | 0 | 0 | 0 | 1 untestable |  |
 <!-- /scorecard -->
 """
+
+
+DONE = batch.Result("tiny", 0.0, {}, "", "")
 
 
 def said(capsys, code, *words):
@@ -114,9 +118,8 @@ def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys, 
 
 def test_a_run_says_what_cluster_it_found(repository, capsys, monkeypatch):
     """What it counts is in test_trials."""
-    done = batch.Result("tiny", 0.0, {}, "", "")
     monkeypatch.setattr(trials, "cluster", lambda address: (2, 6))
-    monkeypatch.setattr(batch, "run", lambda *given, **options: done)
+    monkeypatch.setattr(batch, "run", lambda *given, **options: DONE)
     assert cli.main(["run", "tiny", "--scheduler", "tcp://host:8786"]) == 0
     assert capsys.readouterr().out == "scheduler tcp://host:8786: workers 2, threads 6\n"
 
@@ -207,7 +210,7 @@ def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeyp
     def missing(*arguments):
         raise ModuleNotFoundError("No module named 'papermill'", name="papermill")
 
-    monkeypatch.setattr(cli, "_find_clusters", missing)
+    monkeypatch.setattr(commands, "_find_clusters", missing)
     assert "papermill is missing; this needs the extra repro" in said(capsys, 3, "run")
 
 
@@ -264,6 +267,72 @@ def test_the_command_line_starts_without_what_is_slow(repository, words):
 def test_list_names_the_papers(repository, capsys):
     assert cli.main(["list"]) == 0
     assert capsys.readouterr().out == "tiny        01_tiny.ipynb         Means\n"
+
+
+@pytest.mark.parametrize("word", ["tiny", "01", "1", "01_tiny", "notebooks/01_tiny.ipynb"])
+def test_a_paper_is_named_by_its_key_its_number_or_its_notebook(inside, capsys, monkeypatch, word):
+    seen = []
+    monkeypatch.setattr(batch, "run", lambda paper, *_, **__: seen.append(paper) or DONE)
+    monkeypatch.setattr(batch, "sweep", lambda paper, *_, **__: seen.append(paper) or iter([DONE]))
+    for words in (["list", word], ["run", word], ["sweep", word, "shift=1"], ["cite", word]):
+        assert cli.main(words) == 0
+    assert seen == ["tiny", "tiny"]
+    out = capsys.readouterr().out
+    assert out.startswith("tiny: Means")
+    assert out.endswith("Three draws.\n")
+    assert cli.main(["cite", f"{word}/fig1", "--caption"]) == 0
+    assert capsys.readouterr().out == "Nine draws, 100 % of them.\n"
+
+
+def test_an_unknown_paper_is_told_all_that_would_do():
+    with pytest.raises(ValueError, match=r"nearest is 'index' of dp_tbd, .*, together, index$"):
+        commands.paper_of("indx")
+
+
+ADVICE = {
+    "another folder": ("run 1 -p shift=2 --out figures", "run 1 -p shift=2 --out build/try"),
+    "few trials": ("run 1 --quick --out figures", "run 1 --quick --out build/try"),
+    "a value": ("run 1 -p n_trials", "run 1 -p n_trials=7"),
+    "values": ("sweep 1 shift", "sweep 1 shift=1,2"),
+    "a value twice": ("sweep 1 shift=1,1", "sweep 1 shift=1"),
+    "products": ("cite --figures no/such", "cite --figures figures"),
+    "an id": ("cite fig1", "cite tiny/fig1"),
+    "a form": ("cite tiny --latex", "cite"),
+    "a command": ("rum", "run"),
+    "an option": ("run --quik", "run --quick"),
+    "help": ("doctor now", "doctor --help"),
+}
+
+
+@pytest.mark.parametrize(("words", "advice"), ADVICE.values(), ids=ADVICE)
+def test_advice_that_is_followed_leads_on(inside, capsys, monkeypatch, words, advice):
+    """The words of the advice are those of the error."""
+    monkeypatch.chdir(inside)
+    monkeypatch.setattr(batch, "run", lambda *_, **__: DONE)
+    monkeypatch.setattr(batch, "sweep", lambda *_, **__: iter([DONE] * 2))
+    error = said(capsys, 2, *words.split())
+    assert advice.split()[-1].partition("=")[0] in error
+    if "--help" in advice:
+        with pytest.raises(SystemExit) as caught:
+            cli.main(advice.split())
+        assert caught.value.code == 0
+    else:
+        assert cli.main(advice.split()) == 0
+
+
+def test_where_build_cannot_be_written_the_folder_of_out_takes_its_place(
+    repository, capsys, monkeypatch
+):
+    """A file in its place refuses even a user whom no permission stops."""
+    (repository / "build").touch()
+    assert "build cannot be written; name a folder: --out DIR" in said(capsys, 3, "run", "tiny")
+    seen = []
+    monkeypatch.setattr(batch, "run", lambda *given, **_: seen.append(given) or DONE)
+    assert cli.main(["run", "tiny", "--out", "elsewhere"]) == 0
+    build = repository / "elsewhere" / "build"
+    assert f"executed notebooks go to {build}\n" in capsys.readouterr().out
+    assert seen[0][2] == build / "01_tiny.ipynb"
+    assert repository / "build" == paths.BUILD, "for one command only"
 
 
 def test_list_of_a_paper_shows_parameters_and_products(inside, capsys):
@@ -325,7 +394,7 @@ def test_score_tells_a_changed_verdict_once(repository, capsys):
     capsys.readouterr()
     enter(
         repository,
-        VERDICTS.replace("reproduced,measured,\nprice", "differs,measured,a slip\nprice"),
+        VERDICTS.replace("reproduced,,measured,\nprice", "differs,,measured,a slip\nprice"),
     )
     assert "tiny order was reproduced, is differs" in said(capsys, 1, "score")
     assert cli.main(["score"]) == 0
@@ -353,7 +422,7 @@ def test_score_of_another_folder_leaves_the_readme_alone(repository, capsys):
     assert (repository / "build" / "try" / "scorecard.csv").is_file()
 
 
-SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,inconclusive,together\n"
+SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,depends,inconclusive,together\n"
 
 
 def test_the_scorecard_has_the_share_of_the_seeds_and_counts_what_is_below_nine_tenths(
@@ -362,7 +431,7 @@ def test_the_scorecard_has_the_share_of_the_seeds_and_counts_what_is_below_nine_
     enter(repository, VERDICTS)
     study = repository / "data" / "seeds.csv"
     for of_ten, marked in ((9, 0), (8, 1)):
-        study.write_text(f"{SEEDS}tiny,order,10,{of_ten},{10 - of_ten},0,differs\n")
+        study.write_text(f"{SEEDS}tiny,order,10,{of_ten},{10 - of_ten},0,0,differs\n")
         cli.main(["score"])
         card = pd.read_csv(repository / "figures" / "scorecard.csv").set_index("id")
         card = card[["seeds", "together"]]
@@ -390,11 +459,11 @@ def test_seeds_are_counted_by_claim_and_verdict():
     one = pd.concat([table(b="differs", a="reproduced"), table(b="reproduced", a="reproduced")])
     counted = seeds.counts({"x": one, "y": table(a="inconclusive", used="used")})
     assert counted.to_numpy().tolist() == [
-        ["x", "b", 2, 1, 1, 0],
-        ["x", "a", 2, 2, 0, 0],
-        ["y", "a", 1, 0, 0, 1],
+        ["x", "b", 2, 1, 1, 0, 0],
+        ["x", "a", 2, 2, 0, 0, 0],
+        ["y", "a", 1, 0, 0, 0, 1],
     ]
-    assert list(counted) == ["paper", "claim", "seeds", *claims.VERDICTS[:3]]
+    assert list(counted) == ["paper", "claim", "seeds", *claims.JUDGED]
 
 
 def test_seeds_together_are_one_longer_run():
@@ -405,6 +474,7 @@ def test_seeds_together_are_one_longer_run():
     rows = [("t2.2.det", "21.8", "1.0", "100"), ("t2.2.det", "22.0", "1.0", "100")]
     rows += [("t2.order.det", "margin 1.0", "1.0", "100"), ("t2.3.det", "", "", "100")]
     for taken, verdict in ((slice(0, 1), "reproduced"), (slice(0, 4), "differs")):
-        table = pd.DataFrame(rows[taken], columns=columns)
+        table = pd.DataFrame(rows[taken], columns=columns).assign(verdict="differs")
         found = seeds.together({"mda_tbd": table})
         assert found.to_numpy().tolist() == [["mda_tbd", "t2.2.det", verdict]]
+    assert seeds.together({"mda_tbd": table.assign(verdict="depends")}).empty

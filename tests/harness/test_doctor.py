@@ -1,8 +1,14 @@
 """The doctor: a healthy machine passes, and each problem is one line that says what to do."""
 
+import os
+import shlex
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
+from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
 
 from tbdcore.repro import cli, doctor, paths
 
@@ -10,7 +16,7 @@ from tbdcore.repro import cli, doctor, paths
 def test_a_healthy_machine_passes(capsys):
     assert cli.main(["doctor"]) == 0
     out, err = capsys.readouterr()
-    assert (out.count("\n"), err) == (6, "")
+    assert (out.count("\n"), err) == (4, "")
 
 
 def test_a_lock_is_read_with_its_markers():
@@ -35,15 +41,11 @@ def lock(monkeypatch, tmp_path):
 
 
 def foreign_kernel(monkeypatch, tmp_path):
-    from jupyter_client.kernelspec import KernelSpecManager
-
     spec = type("Spec", (), {"argv": ["/usr/lib/other/bin/python"]})
     monkeypatch.setattr(KernelSpecManager, "get_kernel_spec", lambda *_: spec)
 
 
 def no_kernel(monkeypatch, tmp_path):
-    from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
-
     def missing(*_):
         raise NoSuchKernel("python3")
 
@@ -51,11 +53,11 @@ def no_kernel(monkeypatch, tmp_path):
 
 
 def closed_folder(monkeypatch, tmp_path):
-    monkeypatch.setattr(doctor, "_writable", lambda folder: folder != paths.figures())
+    monkeypatch.setattr(paths, "writable", lambda folder: folder != paths.figures())
 
 
-def closed_cache(monkeypatch, tmp_path):
-    monkeypatch.setattr(doctor, "_writable", lambda folder: folder.name != "__pycache__")
+def closed_temporary(monkeypatch, tmp_path):
+    monkeypatch.setattr(paths, "writable", lambda folder: folder != Path(tempfile.gettempdir()))
 
 
 def another_stream(monkeypatch, tmp_path):
@@ -84,18 +86,21 @@ def wrong_workers(monkeypatch, tmp_path):
     [
         (lock, "packages", "numpy is"),
         (lock, "packages", "no-such-thing is missing"),
-        (lock, "packages", "and 2 more; run: python -m pip install"),
+        (lock, "packages", f"and 2 more; run: {sys.executable} -m pip install"),
         (
             foreign_kernel,
             "Jupyter kernel",
             f"not this Python; make it: {sys.executable} -m ipykernel install",
         ),
         (no_kernel, "Jupyter kernel", "no Jupyter kernel python3; make it"),
-        (closed_folder, "folders", "cannot be written; change its permissions"),
-        (closed_cache, "compiled code", "NUMBA_CACHE_DIR"),
-        (another_stream, "self-test", "a random stream begins with"),
-        (wrong_kernel_result, "self-test", "a compiled kernel gives"),
-        (wrong_workers, "self-test", "one process and two give different numbers"),
+        (closed_folder, "folders", "cannot be written; give runs another folder"),
+        (another_stream, "self-test", "a random stream: not the known result; remove"),
+        (
+            wrong_kernel_result,
+            "self-test",
+            "a compiled kernel, one process against two: not",
+        ),
+        (wrong_workers, "self-test", "one process against two: not the known result"),
     ],
 )
 def test_each_problem_is_one_line_with_what_to_do(
@@ -107,3 +112,40 @@ def test_each_problem_is_one_line_with_what_to_do(
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert said in err
+
+
+def advice(check):
+    """What a check says is to be done, after it was made to fail."""
+    with pytest.raises(doctor.Problem) as caught:
+        doctor.CHECKS[check]()
+    return str(caught.value).rpartition("; ")[2].partition(": ")[2]
+
+
+def run(words, **variables):
+    return subprocess.run(words, env=os.environ | variables, check=True, capture_output=True)
+
+
+def test_the_advice_on_packages_is_a_command(monkeypatch, tmp_path):
+    """Everything is installed already: pip has nothing to fetch."""
+    monkeypatch.setattr(doctor, "locked", lambda text: {"numpy": "0.9"})
+    run([*shlex.split(advice("packages")), "--no-index", "--dry-run"])
+
+
+def test_the_advice_on_the_kernel_makes_it(monkeypatch, tmp_path):
+    with monkeypatch.context() as planted:
+        no_kernel(planted, tmp_path)
+        words = shlex.split(advice("Jupyter kernel").replace("--sys-prefix", "--prefix"))
+    run([*words, tmp_path])
+    monkeypatch.setenv("JUPYTER_PATH", str(tmp_path / "share" / "jupyter"))
+    assert str(tmp_path) in KernelSpecManager().get_kernel_spec("python3").resource_dir
+    assert sys.executable in doctor.jupyter_kernel()
+
+
+def test_the_advice_on_folders_moves_them(monkeypatch, tmp_path):
+    """That on --out is in test_cli."""
+    with monkeypatch.context() as planted:
+        closed_temporary(planted, tmp_path)
+        assert advice("folders") == "TMPDIR=DIR"
+    code = "from tbdcore.repro import doctor; print(doctor.folders())"
+    said = run([sys.executable, "-c", code], TMPDIR=str(tmp_path))
+    assert str(tmp_path) in said.stdout.decode()

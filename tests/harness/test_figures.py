@@ -187,7 +187,7 @@ def test_nothing_is_written_before_publish(portfolio, ledger, tmp_path):
     assert made["fig01.pdf"] == portfolio.files["fig01.pdf"]
     assert (
         made["verdicts.csv"].decode().splitlines()[1]
-        == "mean,Fig. 1,mean,1.5 m,1.52,,,,,reproduced,measured,"
+        == "mean,Fig. 1,mean,1.5 m,1.52,,,,,reproduced,,measured,"
     )
 
 

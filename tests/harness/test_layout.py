@@ -24,7 +24,7 @@ FILES = {
 }
 NUMBERS = {"numpy", "scipy", "numba"}
 HARNESS = sorted(path.stem for path in (paths.PACKAGE / "repro").glob("*.py"))
-CORE = sorted(path.stem for path in paths.PACKAGE.glob("*.py"))
+CORE = sorted({path.stem for path in paths.PACKAGE.glob("*.py")} - {"__main__"})
 MODULES = [*CORE, *(f"repro/{module}" for module in HARNESS)]
 
 

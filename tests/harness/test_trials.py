@@ -1,6 +1,8 @@
 """Monte Carlo: the same bits whoever computes them, and errors that say which trial."""
 
+import contextlib
 import itertools
+import shutil
 import subprocess
 import sys
 import time
@@ -9,11 +11,12 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import psutil
 import pytest
+import tiny
 
-from tbdcore.repro import trials
+from tbdcore.repro import cli, trials
 
+GONE = "def sources():\n    os._exit(1)\n\n\ndef rest():"
 N = 37  # a prime: chunks of every executor end unevenly
 
 
@@ -146,8 +149,9 @@ def test_fewer_cores_when_the_environment_says_so(monkeypatch):
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no-such-scheme://here"])
-def test_an_unreachable_scheduler_is_one_line(address):
+def test_an_unreachable_scheduler_is_one_line(monkeypatch, address):
     pytest.importorskip("distributed")
+    monkeypatch.setattr(trials, "ANSWER", 0.5)
     with pytest.raises(ConnectionError) as caught:
         trials.run(walk, 1, seed=0, scheduler=address)
     assert repr(address) in str(caught.value)
@@ -166,6 +170,89 @@ def test_a_scheduler_without_a_worker_is_one_line(monkeypatch):
     ):
         trials.run(walk, 1, seed=0, scheduler=cluster.scheduler_address)
     assert "\n" not in str(caught.value)
+
+
+WORKER = """import asyncio, sys
+from distributed import Worker
+
+async def work():
+    await (await Worker(sys.argv[1], nthreads=1, host="127.0.0.1", dashboard=False)).finished()
+
+asyncio.run(work())
+"""
+
+
+@pytest.fixture
+def scheduler():
+    """A dask cluster without workers."""
+    distributed = pytest.importorskip("distributed")
+    where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": "127.0.0.1:0"}
+    with distributed.LocalCluster(n_workers=0, processes=False, **where) as cluster:
+        yield cluster
+
+
+@contextlib.contextmanager
+def workers(cluster, *folders):
+    """Worker processes that find the package in these folders."""
+    words = [sys.executable, "-c", WORKER, cluster.scheduler_address]
+    with contextlib.ExitStack() as stack:
+        for folder in folders:
+            environment = tiny.environment(folder)
+            started = subprocess.Popen(words, env=environment, stderr=subprocess.DEVNULL)
+            stack.enter_context(started)
+            stack.callback(started.kill)
+        while len(cluster.scheduler_info["workers"]) < len(folders):
+            time.sleep(0.02)
+        yield
+
+
+def copy_of(repository, name, file, old, new):
+    """A copy of the small repository and of the package in which a text is changed."""
+    folder = shutil.copytree(repository, repository.with_name(name))
+    tiny.copy_package(folder)
+    text = (folder / file).read_text(encoding="utf-8")
+    assert old in text
+    (folder / file).write_text(text.replace(old, new), encoding="utf-8")
+    return folder
+
+
+CHANGED = {
+    "kernel": ("tbdcore/kalman.py", "return", "return 1.0 *", "kalman.py"),
+    "chapter": ("notebooks/01_tiny.ipynb", "import time", "import time as t", "01_tiny.ipynb"),
+    "version": ("tbdcore/__init__.py", "__version__ = ", '__version__ = "0" + ', "__init__.py"),
+    "before": ("tbdcore/repro/trials.py", "def sources():", "def other():", "no answer: Exception"),
+    "vanishes": ("tbdcore/repro/trials.py", "def sources():", GONE, "no answer: CommClosedError"),
+}
+
+
+def test_workers_with_other_sources_are_refused_before_anything_starts(
+    repository, scheduler, capsys
+):
+    """One has another kernel, one another chapter, one an older version of the package, one a
+    version that cannot be asked yet, and one vanishes while it is checked.
+    """
+    distributed = pytest.importorskip("distributed")
+    folders = [copy_of(repository, name, *change[:3]) for name, change in CHANGED.items()]
+    with workers(scheduler, *folders):
+        assert cli.main(["run", "tiny", "--scheduler", scheduler.scheduler_address]) == 3
+        with (
+            distributed.Client(scheduler.scheduler_address) as client,
+            client.get_executor() as pool,
+            pytest.raises(ConnectionError, match="kalman.py"),
+        ):
+            trials.run(walk, N, seed=3, executor=pool)
+    out, err = capsys.readouterr()
+    message = err.splitlines()[-1]
+    assert out == ""
+    assert message.startswith("tbdcore: other sources on the dask worker tcp://")
+    assert message.count("tcp://127.0.0.1:") == len(CHANGED)
+    assert all(f"({change[3]}" in message for change in CHANGED.values())
+
+
+def test_a_worker_with_the_same_sources_in_another_folder_is_used(repository, scheduler):
+    same = copy_of(repository, "same", "notebooks/01_tiny.ipynb", "{", "{")
+    with workers(scheduler, same):
+        assert trials.cluster(scheduler.scheduler_address) == (1, 1)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -212,23 +299,3 @@ def test_shares_cover_all_trials_once_and_become_shorter(n, workers):
     assert lengths == sorted(lengths, reverse=True)
     assert lengths[0] <= max(1, n / (2 * workers))
     assert lengths[-min(n, workers) :] == [1] * min(n, workers)
-
-
-def test_a_process_that_has_ended_is_not_waited_for(monkeypatch):
-    """A zombie, whose parent takes no note of it: without a look at its status this would hang."""
-    monkeypatch.setattr(trials, "NOTICE", 1e6)
-    with subprocess.Popen([sys.executable, "-c", ""], stdout=subprocess.PIPE) as child:
-        child.stdout.read()  # until it ends
-        process = psutil.Process(child.pid)
-        while process.status() != psutil.STATUS_ZOMBIE:
-            time.sleep(0.01)
-        trials.end([process])
-
-
-def test_a_process_that_does_not_listen_is_killed(monkeypatch):
-    monkeypatch.setattr(trials, "NOTICE", 0.05)
-    deaf = "import signal, time; signal.signal(15, 1); print(flush=True); time.sleep(99)"
-    with subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE) as child:
-        child.stdout.readline()
-        trials.end([psutil.Process(child.pid)])
-        assert child.wait(timeout=60) == -9

@@ -26,7 +26,6 @@ EXAMPLES = {
         "correlation": np.array([0.5, 0.0, 0.25]),
         "rng": rng(),
     },
-    "smoothed": lambda: {"shape": (2, 8, 9), "width": 0.5, "rng": rng()},
     "as_power": lambda: {"normal": np.array([-1.0, 0.0, 2.0])},
     "louder": lambda: {"frames": FRAMES.copy(), "decibels": 3.0},
     "sloped": lambda: {"frames": FRAMES.copy(), "change": 0.5, "axis": 2},

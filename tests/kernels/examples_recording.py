@@ -53,9 +53,4 @@ EXAMPLES = {
         "blur": 0.5,
         "rng": np.random.default_rng(1),
     },
-    "found_share": lambda: {
-        "found": lambda strength, n: n < strength,
-        "strengths": np.array([1.0, 3.0]),
-        "trials": 4,
-    },
 }

@@ -51,13 +51,13 @@ def _weighted(seed, T, M):
     return x, P, P[:, ::2, ::2] + 400.0 * np.eye(2), rng.uniform(-3e4, 3e4, (M, 2)), weights
 
 
-SIZES = [(1, 0), (1, 1), (1, 6), (2, 0), (2, 1), (2, 5), (3, 4), (4, 3), (4, 6)]
+SIZES = [(1, 0), (1, 1), (2, 5), (4, 3)]
 AMPLITUDE = detection.amplitude_ratio, detection.amplitude_ratio_spec
 ASSOCIATORS = [
     association.ipda,
     association.prior_odds,
     association.visibility,
-    association.modulated,
+    association.modulated_log_ratio,
     association.jipda,
 ]
 

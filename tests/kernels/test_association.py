@@ -8,7 +8,7 @@ import pytest
 from scipy import integrate, special
 
 from tbdcore import association, detection, kalman
-from tbdcore.association import ipda, jipda, ljipda, modulated, visibility
+from tbdcore.association import ipda, jipda, ljipda, modulated_log_ratio, visibility
 
 RNG_SEEDS = range(6)
 
@@ -25,7 +25,7 @@ def plain_ljipda(log_ratio, existence, detect):
 
 
 def lm_ipda(log_ratio, existence, detect):
-    return ipda(modulated(log_ratio, existence, detect), existence, detect)
+    return ipda(modulated_log_ratio(log_ratio, existence, detect), existence, detect)
 
 
 ALL = [ipda, jipda, plain_ljipda, lm_ipda]

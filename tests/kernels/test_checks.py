@@ -1,16 +1,22 @@
 """Checks of arguments that no kernel's own test reaches."""
 
+import pydoc
+import subprocess
+import sys
 import warnings
+from typing import Annotated
 
 import numpy as np
 import pytest
 
-from tbdcore import checks
+import tbdcore
+from tbdcore import checks, kernel, score
+from tbdcore.checks import ArrayLike, Numbers, checked
 
 
-@pytest.mark.parametrize("check", [checks.plain, checks.reals, checks.integers])
+@pytest.mark.parametrize("check", [checks.array, checks.numbers, checks.integers])
 def test_a_masked_array_is_refused_and_not_stripped_of_its_mask(check):
-    z, shape = np.ma.masked_greater(np.arange(3), 1), [] if check is checks.plain else [3]
+    z, shape = np.ma.masked_greater(np.arange(3), 1), [] if check is checks.array else [3]
     for given in (z, [z, z], (z.filled(0), z)):
         with pytest.raises(ValueError, match="^frames: a masked array; fill it, or leave out what"):
             check("frames", given, *shape)
@@ -24,3 +30,50 @@ def test_a_number_of_any_type_is_compared_with_limits_beyond_its_own(kind):
         checks.number("x", kind(5), 0.0, 1e50)
     with pytest.raises(ValueError, match="is no number in"):
         checks.number("x", kind(5), 6.0, 1e50)
+
+
+@kernel
+def _sum(x, n):
+    return x.sum() + n
+
+
+@checked(inside=_sum)
+def total(x: Annotated[ArrayLike, Numbers("N", low=0.0)], n: int = 0) -> float:
+    """Sum of x and n."""
+    return _sum(x, n)
+
+
+@kernel
+def total_inside(x):
+    return total(x, 1)
+
+
+def test_a_kernel_calls_the_compiled_function_without_the_checks():
+    assert total_inside(np.array([-2.0])) == -1.0
+    with pytest.raises(ValueError, match=r"total: x\[0\]: -2 is not in"):
+        total(np.array([-2.0]))
+
+
+def test_values_are_checked_again_when_types_and_shapes_are_known():
+    assert total(np.ones(3)) == total(np.ones(3), n=0) == 3.0
+    for wrong, words in ((-np.ones(3), "x"), (np.full(3, np.nan), "x"), (np.ones((3, 1)), "shape")):
+        with pytest.raises(ValueError, match=words):
+            total(wrong)
+
+
+def test_help_shows_the_rules():
+    text = pydoc.render_doc(total, renderer=pydoc.plaintext)
+    assert "total(x: Numbers(N, low=0), n: Rule() = 0) -> float" in text
+    assert "Sum of x and n." in text
+
+
+def test_modules_load_when_they_are_used():
+    code = (
+        "import sys, tbdcore; assert 'tbdcore.score' not in sys.modules; print(tbdcore.score.Z99)"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(ran.stdout) == score.Z99
+    assert {"kalman", "kernel", "page"} <= set(dir(tbdcore))
+    assert not any(name.startswith("_") for name in dir(tbdcore))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        tbdcore.nothing  # noqa: B018

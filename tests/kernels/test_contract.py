@@ -14,6 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import tbdcore
+
 HERE = Path(__file__).parent
 CHECKED = sorted(path.stem.removeprefix("examples_") for path in HERE.glob("examples_*.py"))
 
@@ -49,7 +51,7 @@ def flat(result):
 
 
 def same(ours, theirs, **tolerance):
-    pairs = list(zip(flat(ours), flat(theirs), strict=True))
+    pairs = zip(flat(ours), flat(theirs), strict=True)
     return all(
         a.shape == b.shape and np.allclose(a, b, equal_nan=True, **tolerance) for a, b in pairs
     )
@@ -87,6 +89,9 @@ def numeric(value):
 
 def test_every_public_function_has_an_example():
     assert {f"{m}.{f}" for m in CHECKED for f in ABOUT[m].EXAMPLES} == set(FUNCTIONS)
+    told = {"checks", "scenario", "gates"}  # they refuse, or look at what a chapter has checked
+    for module in set(tbdcore.__all__) - {"begin", "page", "kernel", "jit"} - told:
+        assert module in CHECKED or not hasattr(getattr(tbdcore, module), "__all__"), module
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -145,6 +150,8 @@ def test_any_layout_works(name):
 def test_float32_and_integers_are_their_values(name):
     function, example = function_and_example(name)
     for argument, a in arguments_of(example, np.ndarray):
+        if a.dtype == bool:
+            continue
         kinds = [(np.float32, 1e-3)] if a.dtype.kind == "f" else [(np.int32, 0), (np.uint64, 0)]
         kinds += [(np.int32, 0)] * bool(a.dtype == float and np.isfinite(a).all())
         for kind, rtol in kinds:
@@ -189,8 +196,8 @@ def test_what_is_no_array_of_numbers_is_refused(name):
 
 def any_axes(function, argument):
     """Whether leading axes of any number are stacks, so that one more is valid."""
-    rule = getattr(inspect.signature(function).parameters[argument].annotation, "__metadata__", [0])
-    return getattr(rule[0], "any_axes", False)
+    rule = inspect.signature(function).parameters[argument].annotation
+    return getattr(rule, "any_axes", False)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

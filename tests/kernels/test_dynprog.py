@@ -12,72 +12,31 @@ from tbdcore import dynprog
 
 ONE = np.ones(1)
 A = 0.95
-ASIDE = np.array([A, 1.0, A])
+EQUAL = np.array([A, 1.0, A])
 LITERAL = np.array([[A ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
 
 
-def none(z):
-    """Frames of no maps: all is computed."""
-    return np.full_like(z, np.nan)
-
-
-def algorithm(name, M):
-    """(number of velocities, lowest velocity, forward pass, path to a state); margin M + 1."""
-    back = dynprog.weighted_path
-    fixed = {
-        "conventional": np.ones(2 * M + 1),
-        "tonissen": np.array([0.0, 1.0, 1.0]),
-        "unweighted": np.ones(3),
-    }
-    if name == "conventional":
-        w = fixed[name]
-        return (
-            1,
-            0,
-            lambda z, I, held: dynprog.box_forward(z, w, 0, M + 1, I, held),
-            lambda I, x: back(I, x, w, ONE, 0),
-        )
-    v = 1 - M
-    if name == "tonissen":
-        w = fixed[name]
-        return (
-            2 * M,
-            v,
-            lambda z, I, held: dynprog.box_forward(z, w, v, M + 1, I, held),
-            lambda I, x: back(I, x, w, ONE, v),
-        )
-    if name == "literal":
-        step = dynprog.coupled_path
-        return (
-            *(2 * M, v),
-            lambda z, I, held: dynprog.coupled_forward(z, LITERAL, v, M + 1, I, held),
-            lambda I, x: step(I, x, LITERAL, v),
-        )
-    if name == "penalised":
-        c, step = np.array([0.4, 0.0, 0.4]), dynprog.penalised_path
-        return (
-            2 * M,
-            v,
-            lambda z, I, held: dynprog.penalised_forward(z, c, c, v, M + 1, I, held),
-            lambda I, x: step(I, x, c, c, v),
-        )
-    w = ASIDE if name == "weighted" else fixed[name]
-    return (
-        2 * M,
-        v,
-        lambda z, I, held: dynprog.weighted_forward(z, w, w, v, M + 1, I, held),
-        lambda I, x: back(I, x, w, w, v),
-    )
+def transition(name, M):
+    """A set of the paper, in a margin of M + 1."""
+    v, width = (1 - M, M), M + 1
+    price = np.array([0.4, 0.0, 0.4])
+    return {
+        "conventional": lambda: dynprog.box_transition(np.ones(2 * M + 1), (0, 0), width),
+        "tonissen": lambda: dynprog.box_transition(np.array([0.0, 1.0, 1.0]), v, width),
+        "weighted": lambda: dynprog.weighted_transition(EQUAL, EQUAL, v, width),
+        "unweighted": lambda: dynprog.weighted_transition(np.ones(3), np.ones(3), v, width),
+        "literal": lambda: dynprog.coupled_transition(LITERAL, v, width),
+        "penalised": lambda: dynprog.penalised_transition(price, price, v, width),
+    }[name]()
 
 
 def solve(z, name, M):
     """Value maps without their margin (K, V, V, Nx, Ny), and the best path of states, cells counted
     from 0.
     """
-    V, _, forward, back = algorithm(name, M)
-    z = dynprog.margin(z, M + 1)
-    I = forward(z, np.empty((len(z), V, V, *z.shape[1:])), none(z))
-    path = back(I, np.unravel_index(I[-1].argmax(), I[-1].shape))
+    way = transition(name, M)
+    I = dynprog.forward(dynprog.margin(z, M + 1), way).values
+    path = dynprog.path(I, np.unravel_index(I[-1].argmax(), I[-1].shape), way)
     inside = slice(M + 1, -M - 1)
     return I[..., inside, inside], path - [0, 0, M + 1, M + 1]
 
@@ -200,9 +159,9 @@ def test_a_noise_free_track_keeps_a_geometric_share_of_its_energy(dx, g):
 
 def test_weighted_equals_coupled_where_the_table_is_a_product():
     z = dynprog.margin(np.random.default_rng(8).normal(-1.0, 1.0, (4, 12, 9)), 4)
-    ours, theirs = np.empty((2, 4, 6, 6, 20, 17))
-    dynprog.weighted_forward(z, ASIDE, ASIDE, -2, 4, ours, none(z))
-    dynprog.coupled_forward(z, np.outer(ASIDE, ASIDE), -2, 4, theirs, none(z))
+    table = dynprog.coupled_transition(np.outer(EQUAL, EQUAL), (-2, 3), 4)
+    ours = dynprog.forward(z, transition("weighted", 3)).values
+    theirs = dynprog.forward(z, table).values
     np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-14)
 
 
@@ -270,9 +229,9 @@ def test_a_larger_set_never_lowers_a_value():
 
 
 def test_single_precision_rounds_and_does_nothing_else():
-    z, w = dynprog.margin(DATA.astype(np.float32), 4), ASIDE.astype(np.float32)
-    I = np.empty((len(z), 6, 6, *z.shape[1:]), np.float32)
-    dynprog.weighted_forward(z, w, w, -2, 4, I, none(z))
+    z = dynprog.margin(DATA.astype(np.float32), 4)
+    I = dynprog.forward(z, transition("weighted", 3)).values
+    assert I.dtype == np.float32
     np.testing.assert_allclose(
         I[-1][..., 4:-4, 4:-4], solve(DATA, "weighted", 3)[0][-1], rtol=2e-6, atol=2e-6
     )
@@ -280,12 +239,11 @@ def test_single_precision_rounds_and_does_nothing_else():
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("end", [0, 5])
-@pytest.mark.parametrize("name", ["weighted", "coupled", "penalised"])
+@pytest.mark.parametrize("name", ["weighted", "literal", "penalised"])
 def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
     """The only finite predecessor has the lowest or highest velocity; the state is one above it or
     below, and at the end itself.
     """
-    weights = {"weighted": (ASIDE, ASIDE), "coupled": (LITERAL,)}.get(name, (1 - ASIDE, 1 - ASIDE))
     for offset in (0, 1):
         state, before = [2, 2, 9, 9], [2, 2, 9, 9]
         before[axis], state[axis] = end, abs(end - offset)
@@ -293,90 +251,20 @@ def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
             before[2 + a] = 9 - (before[a] - 2)  # slack 0: the cell left at the former velocity
         I = np.full((2, 6, 6, 20, 20), -np.inf)
         I[0][tuple(before)] = 1.0
-        path = getattr(dynprog, f"{name}_path")(I, tuple(state), *weights, -2)
+        path = dynprog.path(I, tuple(state), transition(name, 3))
         assert path[0].tolist() == before
 
 
-# Bad input
-
-
-@pytest.mark.parametrize(
-    ("frames", "message"),
-    [
-        (np.zeros((5, 5)), "(5, 5) is not (K, Nx, Ny)"),
-        (np.ma.zeros((2, 5, 5)), "a masked array; fill it"),
-        (np.zeros((2, 0, 5)), "none empty"),
-        (
-            np.where(np.arange(24).reshape(2, 3, 4) == 17, np.nan, 0.0),
-            "frames[1, 1, 1] is nan; replace it",
-        ),
-        (np.where(np.arange(24).reshape(2, 3, 4) == 3, np.inf, 0.0), "frames[0, 0, 3] is inf"),
-    ],
-)
-def test_bad_frames_are_one_line(frames, message):
-    with pytest.raises(ValueError, match="^frames") as error:
-        dynprog.margin(frames, 3)
-    assert message in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    "slack", [np.ones(4), [1, 0, 1], [1, 1, -1], [np.nan, 1, 1], np.ones((3, 3))]
-)
-def test_bad_windows_are_one_line(slack):
-    z = dynprog.margin(np.zeros((2, 9, 9)), 4)
-    with pytest.raises(ValueError, match="^weights: [^\n]+$"):
-        dynprog.box_forward(z, np.array(slack, float), 0, 4, np.empty((2, 1, 1, 17, 17)), none(z))
-
-
-BAD_FORWARD = {
-    "a frame short": lambda z, w, v, r, I: (z[:1], w, w, v, r, I),
-    "transposed maps": lambda z, w, v, r, I: (z, w, w, v, r, I.swapaxes(-1, -2)),
-    "transposed frames": lambda z, w, v, r, I: (z.swapaxes(1, 2), w, w, v, r, I),
-    "two dimensions": lambda z, w, v, r, I: (z[0], w, w, v, r, I),
-    "mixed types": lambda z, w, v, r, I: (z, w.astype(np.float32), w, v, r, I),
-    "integers": lambda z, w, v, r, I: tuple(
-        np.zeros(a.shape, int) if isinstance(a, np.ndarray) else a for a in (z, w, w, v, r, I)
-    ),
-    "complex": lambda z, w, v, r, I: (z + 0j, w, w, v, r, I),
-    "NaN weight": lambda z, w, v, r, I: (z, w * np.nan, w, v, r, I),
-    "negative weight": lambda z, w, v, r, I: (z, w, w * [-1, 1, 1], v, r, I),
-    "forbidden middle": lambda z, w, v, r, I: (z, w, w * [1, 0, 1], v, r, I),
-    "infinite weight": lambda z, w, v, r, I: (z, w, w * [np.inf, 1, 1], v, r, I),
-    "velocity below the margin": lambda z, w, v, r, I: (z, w, w, v - 2, r, I),
-    "velocity above the margin": lambda z, w, v, r, I: (z, w, w, v + 2, r, I),
-    "velocity out of range": lambda z, w, v, r, I: (z, w, w, -(2**63), r, I),
-    "no whole velocity": lambda z, w, v, r, I: (z, w, w, v + 0.5, r, I),
-    "negative margin": lambda z, w, v, r, I: (z, w, w, v, -r, I),
-    "a margin as wide as the frame": lambda z, w, v, r, I: (z, w, w, v, 100, I),
-    "no map": lambda z, w, v, r, I: (z, w, w, v, r, I[:, :0, :0]),
-    "maps not square": lambda z, w, v, r, I: (z, w, w, v, r, I[:, :, :4].copy()),
-    "a list": lambda z, w, v, r, I: (z, w.tolist(), w, v, r, I),
-}
-
-
-@pytest.mark.parametrize("name", BAD_FORWARD)
-def test_bad_arguments_of_a_forward_pass_are_one_line(name):
-    z = dynprog.margin(np.zeros((2, 9, 7)), 4)
-    I = np.empty((2, 6, 6, *z.shape[1:]))
-    dynprog.weighted_forward(z, ASIDE, ASIDE, -2, 4, I, none(z))
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.weighted_forward(*BAD_FORWARD[name](z, ASIDE, -2, 4, I), none(z))
-
-
-@pytest.mark.parametrize("held", [(1, 17, 15), (2, 15, 17), (2, 17, 15, 1)])
-def test_held_frames_of_another_shape_are_refused(held):
-    z, I = dynprog.margin(np.zeros((2, 9, 7)), 4), np.empty((2, 6, 6, 17, 15))
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.weighted_forward(z, ASIDE, ASIDE, -2, 4, I, np.zeros(held))
+# Maps that are updated
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_frames_that_do_not_differ_are_not_computed_again(name):
-    V, _, forward, _ = algorithm(name, 3)
-    z, I = dynprog.margin(DATA, 4), np.full((len(DATA), V, V, 22, 19), 7.0)
-    forward(z, I, z)
-    assert (I == 7.0).all()
+    z, way = dynprog.margin(DATA, 4), transition(name, 3)
+    maps = dynprog.forward(z, way)
+    maps.values[:] = 7.0
+    assert dynprog.forward(z, way, maps) is maps
+    assert (maps.values == 7.0).all()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -384,84 +272,116 @@ def test_what_a_cell_cannot_reach_is_not_computed_again(name):
     """A cell of the last frame changes its row of the last map; frame 4, its own row of map 4 and
     at most four rows on either side in map 5.
     """
-    V, _, forward, _ = algorithm(name, 3)
-    z = dynprog.margin(DATA, 4)
+    z, way = dynprog.margin(DATA, 4), transition(name, 3)
     for k in (5, 4):
-        new, I = z.copy(), np.full((len(DATA), V, V, 22, 19), 7.0)
+        maps = dynprog.forward(z, way)
+        maps.values[:] = 7.0
+        new = z.copy()
         new[k, 11, 9] += 1.0
-        forward(new, I, z)
+        I = dynprog.forward(new, way, maps).values
         rows = [np.flatnonzero((I[k] != 7.0).any(axis=(0, 1, 3))) for k in range(len(DATA))]
         assert not any(row.size for row in rows[:k])
         assert rows[k].tolist() == [11]
         assert k == 5 or 11 - 3 - 1 <= rows[5].min() <= rows[5].max() <= 11 + 3 + 1
 
 
+def test_maps_of_another_pass_are_refused():
+    z, way = dynprog.margin(DATA, 4), transition("weighted", 3)
+    maps = dynprog.forward(z, way)
+    assert dynprog.forward(z, transition("weighted", 3), maps) is maps
+    for frames, other, given in (
+        (z, transition("unweighted", 3), maps),
+        (z, dynprog.weighted_transition(EQUAL, EQUAL, (-3, 2), 4), maps),
+        (z, dynprog.penalised_transition(EQUAL, EQUAL, (-2, 3), 4), maps),
+        (z[1:], way, maps),
+        (z.astype(np.float32), way, maps),
+        (z, way, (maps.values, z)),
+    ):
+        with pytest.raises(ValueError, match=r"^forward: maps: [^\n]+$"):
+            dynprog.forward(frames, other, given)
+
+
+def test_a_refused_frame_leaves_the_maps_as_they_were():
+    z, way = dynprog.margin(DATA, 4), transition("tonissen", 3)
+    maps = dynprog.forward(z, way)
+    before = [part.copy() for part in maps[:2]]
+    bad = z.copy()
+    bad[0, 9, 9] = 1.0
+    bad[3, 9, 9] = np.nan
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        dynprog.forward(bad, way, maps)
+    assert all(np.array_equal(*pair) for pair in zip(before, maps, strict=False))
+
+
+# Bad input
+
+
+@pytest.mark.parametrize("frames", [np.zeros((2, 0, 5)), np.full((2, 3, 4), np.nan)])
+def test_bad_frames_are_one_line(frames):
+    with pytest.raises(ValueError, match=r"frames[^\n]+$"):
+        dynprog.margin(frames, 3)
+
+
+@pytest.mark.parametrize("cell", [(0, 0, 4), (1, 16, 5), (1, 5, 0), (0, 6, 14)])
+def test_frames_without_their_margin_are_refused(cell):
+    z = dynprog.margin(np.zeros((2, 9, 7)), 4)
+    z[cell] = 0.0
+    with pytest.raises(ValueError, match="margin"):
+        dynprog.forward(z, transition("weighted", 3))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_cell_that_is_not_a_number_is_refused(value):
+    z = dynprog.margin(np.zeros((2, 9, 7)), 4)
+    z[1, 6, 6] = value
+    with pytest.raises(ValueError, match="NaN, inf"):
+        dynprog.forward(z, transition("tonissen", 3))
+
+
+BAD_BOX = {
+    "an even number": (np.ones(4), (0, 0), 4),
+    "slack zero left out": ([1, 0, 1], (0, 0), 4),
+    "slacks that are no neighbours": ([1.0, 0, 1, 1, 1], (-1, 1), 4),
+    "velocity below the margin": (np.ones(3), (-4, 0), 4),
+    "velocity above the margin": (np.ones(3), (0, 4), 4),
+    "no velocity": (np.ones(3), (1, 0), 4),
+    "a slack above the margin": (np.ones(11), (0, 0), 4),
+}
+
+
+@pytest.mark.parametrize("name", BAD_BOX)
+def test_a_bad_transition_is_one_line(name):
+    with pytest.raises(ValueError, match=r"^box_transition: (position|width|velocities): [^\n]+$"):
+        dynprog.box_transition(*BAD_BOX[name])
+
+
+def test_a_table_with_a_zero_is_refused():
+    table = LITERAL * (np.arange(9).reshape(3, 3) != 0)
+    with pytest.raises(ValueError, match=r"^coupled_transition: table: [^\n]+$"):
+        dynprog.coupled_transition(table, (-2, 3), 4)
+
+
+@pytest.mark.parametrize("argument", [0, 1])
+def test_a_middle_that_is_left_out_is_refused(argument):
+    for make, odd in ((dynprog.penalised_transition, np.inf), (dynprog.weighted_transition, 0.0)):
+        weights = [np.ones(3), np.ones(3)]
+        weights[argument][1] = odd
+        with pytest.raises(ValueError, match=r"_transition: (position|velocity): [^\n]+$"):
+            make(*weights, (-2, 3), 4)
+
+
+def test_a_margin_as_wide_as_the_frame_is_refused():
+    with pytest.raises(ValueError, match=r"^forward: z: [^\n]+$"):
+        dynprog.forward(np.zeros((2, 8, 9)), transition("weighted", 3))
+
+
 @pytest.mark.parametrize(
     "state",
-    [
-        (0, 0, 0),
-        (6, 0, 5, 5),
-        (0, -1, 5, 5),
-        (0, 0, 20, 5),
-        (0.0, 0, 5, np.nan),
-        [0, 0, 5, 5],
-        None,
-    ],
+    [(6, 0, 5, 5), (0, 6, 5, 5), (0, 0, 20, 5), (0, 0, 5, 20), (0, 0, 0), (0, 0, 5, 5.0)],
 )
 def test_a_final_state_outside_the_maps_is_refused(state):
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.weighted_path(np.zeros((2, 6, 6, 20, 20)), state, ASIDE, ASIDE, -2)
-
-
-FLAT = [LITERAL.reshape(9, 1), LITERAL.reshape(1, 9)]
-HOLE = LITERAL * (np.arange(9).reshape(3, 3) != 0)
-
-
-@pytest.mark.parametrize(
-    "table", [LITERAL[:2], -LITERAL, LITERAL * np.nan, LITERAL * 0, HOLE, ASIDE, *FLAT]
-)
-def test_a_bad_table_is_refused(table):
-    z, I = dynprog.margin(np.zeros((2, 9, 7)), 4), np.zeros((2, 6, 6, 17, 15))
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.coupled_forward(z, table, -2, 4, I, none(z))
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.coupled_path(I, (0, 0, 5, 5), table, -2)
-
-
-@pytest.mark.parametrize("price", [[-1, 0, 1], [0, np.inf, 0], [np.nan, 0, 0], [0, 0]])
-def test_a_bad_price_is_refused(price):
-    z, I, c = dynprog.margin(np.zeros((2, 9, 7)), 4), np.zeros((2, 6, 6, 17, 15)), np.zeros(3)
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.penalised_forward(z, np.array(price, float), c, -2, 4, I, none(z))
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.penalised_path(I, (0, 0, 5, 5), c, np.array(price, float), -2)
-
-
-def test_slacks_that_are_no_neighbours_are_refused():
-    z = dynprog.margin(np.zeros((2, 12, 12)), 4)
-    with pytest.raises(ValueError, match="must be neighbours"):
-        dynprog.box_forward(
-            z, np.array([1.0, 0, 1, 1, 1]), -1, 4, np.empty((2, 3, 3, *z.shape[1:])), none(z)
-        )
-
-
-def test_a_margin_that_a_step_could_leave_is_refused():
-    z = dynprog.margin(np.zeros((2, 6, 6)), 2)
-    I = np.empty((2, 1, 1, 10, 10))
-    with pytest.raises(ValueError, match="margin"):
-        dynprog.box_forward(z, np.ones(7), 0, 2, I, none(z))
-    with pytest.raises(ValueError, match="middle one positive"):
-        dynprog.weighted_forward(z, np.ones(5), np.ones(3), 0, 2, I, none(z))
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.box_forward(z, np.ones((3, 1)), 0, 2, I, none(z))
-
-
-@pytest.mark.parametrize("left_out", [2, [1, 2], [2, 3]])
-def test_a_window_without_slack_zero_is_refused(left_out):
-    z, position = dynprog.margin(np.zeros((2, 9, 9)), 4), np.ones(5)
-    position[left_out] = 0.0
-    with pytest.raises(ValueError, match="middle one positive"):
-        dynprog.box_forward(z, position, 0, 4, np.empty((2, 1, 1, 17, 17)), none(z))
+    with pytest.raises(ValueError, match=r"^path: state: [^\n]+$"):
+        dynprog.path(np.zeros((2, 6, 6, 20, 20)), state, transition("weighted", 3))
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (0, 4), (4, 0), (4, 4)])
@@ -469,5 +389,5 @@ def test_a_path_reaches_the_first_and_the_last_cell_of_a_map(cell):
     I = np.zeros((2, 1, 1, 5, 5))
     I[0, 0, 0][cell] = 1.0
     start = tuple(min(max(c, 1), 3) for c in cell)
-    path = dynprog.weighted_path(I, (0, 0, *start), np.ones(3), np.ones(1), 0)
+    path = dynprog.path(I, (0, 0, *start), dynprog.box_transition(np.ones(3), (0, 0), 1))
     assert path.tolist() == [[0, 0, *cell], [0, 0, *start]]

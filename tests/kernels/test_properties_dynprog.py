@@ -31,27 +31,29 @@ def test_margin(values, width):
         assert np.isneginf(out).sum() == out.size - z.size
 
 
-@same
-@given(st.data(), FAMILIES, WEIGHTS, WEIGHTS, NUMBERS, NUMBERS, st.integers(1, 4))
-def test_forward_and_path(data, family, position, velocity, lowest, reach, V):
-    values = data.draw(st.lists(st.floats(-5, 5), min_size=4, max_size=4))
-    z = dynprog.margin(np.resize(np.array(values), (3, 4, 3)), max(reach, 0))
-    I = np.full((3, V, V, *z.shape[1:]), np.nan)
+def transition(family, position, velocity, lowest, V, width):
+    """The transition, or None after a ValueError of one line."""
     position, velocity = np.array(position, float), np.array(velocity, float)
     weights = {"box": (position,), "coupled": (np.outer(position, velocity),)}.get(
         family, (position, velocity)
     )
-    held = np.full_like(z, np.nan)
-    out = result(getattr(dynprog, f"{family}_forward"), z, *weights, lowest, reach, I, held)
-    state = data.draw(st.tuples(*[st.integers(-1, n) for n in I.shape[1:]]))
-    back = (*weights, np.ones(1)) if family == "box" else weights
-    path = getattr(dynprog, f"{family.replace('box', 'weighted')}_path")
-    if out is None:
-        result(path, np.zeros(I.shape), state, *back, lowest)
+    make = getattr(dynprog, f"{family}_transition")
+    return result(make, *weights, (lowest, lowest + V - 1), width)
+
+
+@same
+@given(st.data(), FAMILIES, WEIGHTS, WEIGHTS, NUMBERS, NUMBERS, st.integers(1, 4))
+def test_forward_and_path(data, family, position, velocity, lowest, width, V):
+    values = data.draw(st.lists(st.floats(-5, 5), min_size=4, max_size=4))
+    z = dynprog.margin(np.resize(np.array(values), (3, 4, 3)), max(width, 0))
+    way = transition(family, position, velocity, lowest, V, width)
+    if way is None:
         return
+    I = dynprog.forward(z, way).values
     assert not np.isnan(I).any()
     assert (I[1:] < np.inf).all()
-    traced = result(path, I, state, *back, lowest)
+    state = data.draw(st.tuples(*[st.integers(-1, n) for n in I.shape[1:]]))
+    traced = result(dynprog.path, I, state, way)
     inside = all(0 <= s < n for s, n in zip(state, I.shape[1:], strict=True))
     assert (traced is not None) == inside
     if inside:
@@ -66,15 +68,12 @@ CELLS = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 19), st.integers(0,
 @same
 @given(CELLS, FAMILIES, NUMBERS, st.integers(1, 4), st.integers(0, 9))
 def test_maps_of_changed_frames_equal_those_of_a_whole_pass(cells, family, lowest, V, seed):
-    w, forward = np.array([0.9, 1.0, 0.8]), getattr(dynprog, f"{family}_forward")
-    weights = {"box": (w,), "coupled": (np.outer(w, w),)}.get(family, (w, w))
-    reach = 1 + max(abs(lowest), abs(lowest + V - 1))
-    held = dynprog.margin(np.random.default_rng(seed).normal(-1.0, 1.0, (4, 20, 3)), reach)
-    none, maps, whole = np.full_like(held, np.nan), *np.full((2, 4, V, V, *held.shape[1:]), np.nan)
-    forward(held, *weights, lowest, reach, maps, none)
-    z = held.copy()
+    w = np.array([0.9, 1.0, 0.8])
+    width = 1 + max(abs(lowest), abs(lowest + V - 1))
+    way = transition(family, w, w, lowest, V, width)
+    z = dynprog.margin(np.random.default_rng(seed).normal(-1.0, 1.0, (4, 20, 3)), width)
+    maps = dynprog.forward(z, way)
     for k, i, j in cells:
-        z[k, reach + i, reach + j] *= -2.0
-    forward(z, *weights, lowest, reach, maps, held)
-    forward(z, *weights, lowest, reach, whole, none)
-    assert np.array_equal(maps, whole)
+        z[k, width + i, width + j] *= -2.0
+    updated = dynprog.forward(z, way, maps).values
+    assert np.array_equal(updated, dynprog.forward(z, way).values)

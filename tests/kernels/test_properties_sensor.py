@@ -59,19 +59,3 @@ def test_power_ratios(data, shape, typical):
             assert (out[~on] == -np.inf).all()
     fit = result(sensor.patch_fit, z, rho, alpha, spread)
     assert fit is None or (np.isfinite(fit).all() and (fit[1] >= 0).all())
-
-
-@same
-@given(st.sampled_from([np.zeros(3), np.zeros((2, 2, 2)), np.zeros((3, 3)) * 1j, "frame", None]))
-def test_other_things_are_no_frame(thing):
-    one, spread = np.ones(1), sensor.Spread(1.0, 1.0, 1, 1)
-    for args in (
-        (sensor.blob_log_ratio, thing, np.ones((1, 5)), np.ones(1, int), 1.0, 1.0, 1.0),
-        (sensor.power_log_ratio, thing, one, one, one, spread),
-        (sensor.coherent_log_ratio, thing, one, one, one, spread),
-        (sensor.patch_fit, thing, one, one, spread),
-        (sensor.cell_power, thing, one, one),
-        (sensor.power_log_ratio, np.ones((3, 3)), one, np.ones(2), one, spread),
-        (sensor.blob_log_ratio, np.ones((3, 3)), np.ones((5, 1)), np.ones(1, int), 1.0, 1.0, 1.0),
-    ):
-        assert result(*args) is None

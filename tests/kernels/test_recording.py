@@ -46,6 +46,9 @@ def test_gaps_do_not_move_the_level(law):
     near = recording.clipped(holes, law, 11)
     assert np.isnan(near.mean[np.isnan(holes).all(axis=(1, 2))]).all()
     assert np.nanmedian(near.mean) == pytest.approx(TRUE[law][0], rel=0.02)
+    z[:, :15] = np.nan
+    edge = recording.clipped(z, law, 11).mean[0, 9:15, 40]  # of 11 rows 0 to 5 are known
+    assert np.isnan(edge).tolist() == [True, True, True, False, False, False]
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -75,6 +78,20 @@ def test_the_background_of_each_cell_goes(law):
 
 
 TRUE_FLAT = {"gaussian": (0.0, 1.0), "exponential": (1.0, 1.0)}
+
+
+@pytest.mark.parametrize("at", [3.0, (np.ones(3), 1.0), ("a", "b"), (0.0, 1.0, 2.0), None], ids=str)
+def test_what_is_no_level_is_refused(at):
+    with pytest.raises(ValueError, match="normalise: at: give Level"):
+        recording.normalise(noise.gaussian((2, 3, 4), rng()), at)
+
+
+@pytest.mark.parametrize("use", ["normal_scores", "log_ratio"])
+@pytest.mark.parametrize("law", ["normal", None, np.ones(3), 5.0], ids=str)
+def test_what_is_no_law_is_refused(use, law):
+    args = (2.0,) if use == "log_ratio" else ()
+    with pytest.raises(ValueError, match=f"{use}: law: "):
+        getattr(recording, use)(noise.gaussian((2, 3, 4), rng()), law, *args)
 
 
 def test_negative_power_is_refused():
@@ -172,6 +189,7 @@ def test_overlapping_blocks_widen_the_interval():
     wide, narrow = recording.threshold(peaks, 0.1, independent=50), recording.threshold(peaks, 0.1)
     assert wide.value == narrow.value
     assert wide.high - wide.low > 1.5 * (narrow.high - narrow.low)
+    assert (wide.low, wide.high) == pytest.approx(stats.beta(5.1, 45.9).interval(0.95))
     for bad in (peaks[:29], np.zeros((40, 2, 2)), np.float64(3.0)):
         with pytest.raises(ValueError, match="30 or more blocks"):
             recording.threshold(bad, 0.1)
@@ -279,18 +297,6 @@ def test_power_of_a_steady_target_has_the_law_of_rice():
     power = recording.inject(z, np.ones((K, 2)), 4.0, 0.0, rng(2), "exponential")
     assert stats.kstest(2 * power[:, 1, 1], stats.ncx2(2, 8.0).cdf).pvalue > 0.01
     assert (power[:, 0] == z[:, 0]).all()
-
-
-def test_the_operating_characteristic_of_a_detector():
-    z, path = noise.gaussian((1, 5, 5), rng()), np.full((1, 2), 2.0)
-
-    def found(strength, n):
-        own = noise.gaussian(z.shape, rng(n))
-        return recording.inject(own, path, strength, 0.0, rng(n))[0, 2, 2] > 2.0
-
-    share, se = recording.found_share(found, [0.0, 2.0, 4.0], 400)
-    assert share == pytest.approx(stats.norm.sf([2.0, 0.0, -2.0]), abs=0.08)
-    assert (se > 0).all()
 
 
 def test_plots_agree_with_a_flood_fill():

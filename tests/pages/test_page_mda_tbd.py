@@ -388,7 +388,7 @@ def test_what_a_scan_is_worth_in_closed_form():
     p = replace(page.Scenario(), half_r=6, half_a=15)
     places = [250 + n / 8 for n in range(8)]
     h2 = np.array([sensor.spread_power(rho, 45.6, p.psf, p.grid[4:]) for rho in places])
-    s, F = p.P_tar / p.noise, sensor.footprint(p.psf)
+    s, F = p.P_tar / p.noise, sensor.spread_area(p.psf)
     for a in (0.0, 0.32, 1.0):
         cells = (1 + a * s * h2) * s * h2 / (1 + s * h2) - np.log1p(s * h2)
         closed = F * (np.log1p(s) + spence(1 + s) + a * (s - np.log1p(s)))

@@ -9,15 +9,20 @@ written must not.  `make verify` runs this file by its name after ``tbdcore run 
 does not collect it otherwise.
 """
 
+import csv
+import os
+import re
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import other_cpu
+import pandas as pd
 import pytest
 from matplotlib import image
 
-from tbdcore.repro import pages, paths
+from tbdcore.repro import claims, pages, paths
 
 CACHE = paths.BUILD / "other_cpu"
 CLUSTER = """
@@ -70,7 +75,7 @@ def contents(folder):
 @pytest.mark.parametrize("workers", [1, 5])
 def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
     words = ["run", "track_cfar", "--quick", "--workers", str(workers), "--out", str(tmp_path)]
-    subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True)
+    subprocess.run([sys.executable, "-m", "tbdcore", *words], check=True)
     here, there = contents(paths.BUILD / "quick" / "track_cfar"), contents(tmp_path / "track_cfar")
     assert here.keys() == there.keys()
     assert [name for name in here if here[name] != there[name]] == []
@@ -79,7 +84,7 @@ def test_the_number_of_workers_changes_no_byte(workers, tmp_path):
 @pytest.mark.parametrize("paper", [name for name in pages.notebooks() if name != "index"])
 def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, scheduler, tmp_path):
     words = ["run", paper, "--quick", "--scheduler", scheduler, "--out", str(tmp_path)]
-    subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True, env=elsewhere)
+    subprocess.run([sys.executable, "-m", "tbdcore", *words], check=True, env=elsewhere)
     here, there = (
         {file.name: file for file in folder.iterdir()}
         for folder in (paths.BUILD / "quick" / paper, tmp_path / paper)
@@ -91,3 +96,52 @@ def test_a_cluster_of_another_cpu_makes_the_same_products(paper, elsewhere, sche
     assert [
         name for name in changed if not (name.endswith(".png") and alike(here[name], there[name]))
     ] == []
+
+
+def other_value(claim, rng):
+    """A published value that is drawn at random: digits by digits, words by their letters."""
+    if claim.kind == "input" or claim.value == "N/A":
+        return claim.value
+    if claim.kind in ("number", "bound"):
+        return re.sub(r"(?<!10\^)[1-9](?!0?\^)", lambda _: str(rng.integers(1, 10)), claim.value)
+    return f"x{''.join(rng.permutation(list(claim.value)))}x"
+
+
+ON_PRINTS = ("t24.same", "f5.power.saving")  # rules that are arithmetic of printed numbers
+
+
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory):
+    """A repository in which all published values but the inputs are other ones."""
+    folder, rng = tmp_path_factory.mktemp("blind"), np.random.default_rng(20)
+    for name in ("notebooks", "data"):
+        shutil.copytree(paths.ROOT / name, folder / name)
+    for name in ("README.md", "CITATION.cff", "environment.txt", "pyproject.toml"):
+        shutil.copy(paths.ROOT / name, folder / name)
+    (folder / "build").mkdir()
+    (folder / "build" / "pages").symlink_to(paths.BUILD / "pages")  # the compiled kernels
+    for paper in pages.papers():
+        known = claims.read(paper).values()
+        rows = [claim._replace(value=other_value(claim, rng)) for claim in known]
+        changed = [a.value != b.value for a, b in zip(rows, known, strict=True) if a.rule]
+        assert np.mean(changed) > 0.8
+        with open(folder / "data" / "claims" / f"{paper}.csv", "w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([claims.COLUMNS, *rows])
+    return folder
+
+
+@pytest.mark.parametrize("paper", pages.papers())
+def test_what_a_chapter_measures_does_not_depend_on_what_is_published(paper, blind, tmp_path):
+    words = ["run", paper, "--quick", "--out", str(tmp_path)]
+    where = os.environ | {"TBDCORE_REPOSITORY": str(blind)}
+    subprocess.run([sys.executable, "-m", "tbdcore.repro.cli", *words], check=True, env=where)
+    quick, other = (
+        pd.read_csv(
+            folder / paper / "verdicts.csv", dtype=str, keep_default_na=False, index_col="id"
+        )
+        for folder in (paths.BUILD / "quick", tmp_path)
+    )
+    assert (quick["published"] != other["published"]).mean() > 0.3
+    columns = ["measured", "se", "n"]
+    differ = (quick[columns] != other[columns]).any(axis=1)
+    assert set(differ[differ].index) <= set(ON_PRINTS)

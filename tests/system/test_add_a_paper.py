@@ -59,7 +59,7 @@ def test_the_commands_of_the_text_make_a_chapter(copy):
     assert "first screen is stale; run again" in stale[1]
     assert [code for code, _ in codes.values()] == [0] * len(codes), codes
     verdicts = (copy / "figures/square_law/verdicts.csv").read_text(encoding="utf-8")
-    assert re.findall(r"(used|reproduced),(?:measured|),$", verdicts, re.M) == [
+    assert re.findall(r"(used|reproduced),,(?:measured|),$", verdicts, re.M) == [
         "used",
         "reproduced",
         "reproduced",

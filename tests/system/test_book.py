@@ -15,12 +15,14 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from benchmarks.bench_book import BROWSERS
-from tbdcore.repro import claims, paths
+from tbdcore.repro import cite, claims, pages, paths, scorecard
 
 pytest.importorskip("playwright", reason="needs docs/environment.txt; run: make book")
 
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect, sync_playwright
+
+from docs import book
 
 BOOK = paths.BUILD / "book"
 LOCK = paths.ROOT / "docs" / "environment.txt"
@@ -152,7 +154,7 @@ def test_the_first_screen_says_what_it_is(open_page):
         assert box["y"] + box["height"] <= 800, words
     total = page.locator(f"{TOTAL} td").all_inner_texts()
     row = claims.scorecard(paths.PRODUCTS).iloc[-1]
-    counts = [row[f"measured: {verdict}"] for verdict in claims.VERDICTS[:3]]
+    counts = [row[f"measured: {verdict}"] for verdict in claims.JUDGED]
     assert total == ["all", *map(str, [sum(counts), *counts])]
 
 
@@ -189,7 +191,7 @@ def test_the_filters_of_the_claims_count_as_the_scorecard(open_page):
     page.wait_for_selector("div.dtsp-searchPane td")
     rows("all", "claims")
     choose("measured")
-    for verdict in claims.VERDICTS[:3]:
+    for verdict in (v for v in claims.JUDGED if counts.loc["all", f"measured: {v}"]):
         choose(verdict)
         rows("all", f"measured: {verdict}")
         choose(verdict)
@@ -220,6 +222,28 @@ def test_the_lock_pins_with_hashes_what_the_environment_lacks():
     own, known = (file.read_text(encoding="utf-8") for file in (LOCK, paths.LOCK))
     assert len(pins.findall(own)) == len(re.findall(r"^\w", own, re.MULTILINE)) > 20
     assert not set(pins.findall(own)) & set(pins.findall(known))
+
+
+# Pages made of verdicts and products -----------------------------------------------------------
+
+
+def test_a_row_that_depends_shows_its_readings():
+    every = scorecard.with_seeds(claims.ledger(paths.PRODUCTS))
+    every = every.assign(verdict="depends", readings="1 of 2: m reproduced, m-r differs")
+    row = next(every.itertuples())
+    cells = book.claim_row(book.Chapter(row.paper), row, [])
+    assert cells["verdict"] == "depends"
+    assert "<b>readings</b> 1 of 2: m reproduced, m-r differs" in cells["claim"]
+
+
+def test_a_retired_figure_has_a_place_in_the_book(monkeypatch):
+    old = cite.Retired("dp_tbd/fig99", "0123abc", "dp_tbd/fig02")
+    monkeypatch.setattr(cite, "retired", lambda: {old.id: old})
+    chapters = {paper: book.Chapter(paper) for paper in pages.notebooks()}
+    page = book.figures_page(cite.gallery(), chapters)
+    place = page[page.index('<span id="dp_tbd/fig99"></span>') :]
+    assert str(old) in place
+    assert "In the chapter" not in place
 
 
 # Bad input -------------------------------------------------------------------------------------
@@ -255,6 +279,9 @@ WRONG = {
     "not what the verdicts say": lambda folder: spoil(
         folder / "figures" / "scorecard.md", r"\| 40 \|", "| 41 |"
     ),
+    "retired.csv, row 2, column last_commit": lambda folder: (
+        folder / "figures" / "retired.csv"
+    ).write_text("id,last_commit,instead\ndp_tbd/fig99,HEAD,\n"),
     "fig02.png is missing": lambda folder: (folder / "figures/dp_tbd/fig02.png").unlink(),
     "no_such_page": lambda folder: spoil(
         folder / "docs" / "running.md", "# Running", "# Running\n\n[nowhere](no_such_page.md)"

@@ -159,8 +159,8 @@ FAULTS = [
     Plant(
         "a window one cell too narrow",
         "tbdcore/dynprog.py",
-        "far += step - width",
-        "far -= width",
+        "last = at + (count - size) * step",
+        "last = at + (count - size - 1) * step",
         "kernels/test_dynprog.py::test_conventional_forward_pass_is_a_maximum_filter",
     ),
     Plant(

@@ -21,12 +21,12 @@ from packaging.requirements import Requirement
 COMMANDS = {
     "page": ["-c", "import tbdcore; tbdcore.page('track_cfar')"],
     "begin": ["-c", "import tbdcore; tbdcore.begin('track_cfar', {})"],
-    "run": ["-m", "tbdcore.repro.cli", "run", "track_cfar", "--quick"],
-    "sweep": ["-m", "tbdcore.repro.cli", "sweep", "track_cfar", "track_pfa=0.1,0.2"],
-    "score": ["-m", "tbdcore.repro.cli", "score"],
-    "cite": ["-m", "tbdcore.repro.cli", "cite", "track_cfar/fig05"],
-    "which": ["-m", "tbdcore.repro.cli", "which", "fig05.pdf"],
-    "doctor": ["-m", "tbdcore.repro.cli", "doctor"],
+    "run": ["-m", "tbdcore", "run", "track_cfar", "--quick"],
+    "sweep": ["-m", "tbdcore", "sweep", "track_cfar", "track_pfa=0.1,0.2"],
+    "score": ["-m", "tbdcore", "score"],
+    "cite": ["-m", "tbdcore", "cite", "track_cfar/fig05"],
+    "which": ["-m", "tbdcore", "which", "fig05.pdf"],
+    "doctor": ["-m", "tbdcore", "doctor"],
 }
 CORE = """
 import pkgutil, sys
@@ -212,7 +212,7 @@ def test_with_both_a_page_is_a_module(complete, clone, tmp_path):
 
 
 def test_with_both_a_figure_is_cited_and_the_current_folder_will_do(complete, clone, tmp_path):
-    words = ["-m", "tbdcore.repro.cli", "cite", "track_cfar/fig05"]
+    words = ["-m", "tbdcore", "cite", "track_cfar/fig05"]
     named = python(complete, tmp_path, *words, repository=clone)
     assert named.returncode == 0, named.stderr
     assert "@misc{tbdcore," in named.stdout
@@ -223,7 +223,7 @@ def test_with_both_a_figure_is_cited_and_the_current_folder_will_do(complete, cl
 
 def test_with_both_a_paper_is_run(complete, clone, tmp_path):
     words = ["run", "track_cfar", "--quick", "--out", str(tmp_path / "try")]
-    said = python(complete, tmp_path, "-m", "tbdcore.repro.cli", *words, repository=clone)
+    said = python(complete, tmp_path, "-m", "tbdcore", *words, repository=clone)
     assert said.returncode == 0, said.stderr
     assert (tmp_path / "try" / "track_cfar" / "fig05.pdf").is_file()
     assert list(libraries(complete).glob("tbdcore/__pycache__/*.nbi")), "the wheel's own kernels"

@@ -1,0 +1,150 @@
+"""Do plots agree with what a tracker is told?  ``look`` counts, ``contradiction`` says it.
+
+A tracker of plots is told start states, errors, and often a density of clutter.  The gates of its
+tracks show whether they fit: ``look`` keeps the numbers of one scan, and ``contradiction`` names,
+in one line, what exceeds its tolerance with 99 % certainty.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tbdcore import kalman
+
+__all__ = ["Seen", "contradiction", "look"]
+
+CERTAIN = 2.6  # standard errors, 99 %
+LEAST_SCANS, LEAST_CLAIMS, LAST_SCANS = 5, 20, 10
+FACTOR = 3.0  # by which a clutter density may be off
+SMALLEST_SHARE = 0.2  # of the errors that were told, within which plots may lie
+SAME = 1.0  # squared Mahalanobis distance below which two tracks are one; two targets have 4
+
+READINGS = {  # of plots z and start states x
+    "the plots look like kilometres": lambda z, x: (1e3 * z, x),
+    "the start states look like kilometres": lambda z, x: (z, 1e3 * x),
+    "the plots look like [y, x]": lambda z, x: (z[:, ::-1], x),
+    "the plots look like [range, azimuth in rad]": lambda z, x: (kalman.cartesian(z), x),
+    "the plots look like [range, azimuth in degrees]": lambda z, x: (
+        kalman.cartesian(z * (1.0, math.pi / 180)),
+        x,
+    ),
+    "the start states look like [x, y, vx, vy]": lambda z, x: (z, x[:, [0, 2, 1, 3]]),
+}
+
+
+class Seen(NamedTuple):
+    """What the gates of one scan hold.
+
+    z : (M, 2) plots of the scan in m
+    gated : plots in at least one gate
+    expected, spread : detections expected there, and their variance
+    area, largest : area of all gates and of the largest in m^2
+    claims : sum of the weights of plots over the tracks
+    along, across : the same of weights times squared distances from the predictions, along the line
+        of sight and across it, each over its variance
+    """
+
+    z: Any
+    gated: int
+    expected: float
+    spread: float
+    area: float
+    largest: float
+    claims: float
+    along: float
+    across: float
+
+
+def look(z, gated, zhat, S, beta, expected, gamma):
+    """What the gates of one scan hold.
+
+    z : (M, 2) plots in m; gated : (C,) indices of those in gates; zhat : (T, 2) predictions;
+    S : (T, 2, 2) their covariances; beta : (T, C + 1) weights, first that of no plot;
+    expected : (T,) P_D P_G times the predicted existence; gamma : squared size of a gate
+    """
+    e, area = zhat / np.hypot(*zhat.T)[:, None], math.pi * gamma * np.sqrt(np.linalg.det(S))
+    sums = [expected.sum(), (expected * (1 - expected)).sum(), area.sum(), area.max(initial=0.0)]
+    sums.append(beta[:, 1:].sum())
+    for axis in (e, e[:, ::-1] * (-1.0, 1.0)):
+        off = np.einsum("tmi,ti->tm", z[gated] - zhat[:, None], axis)
+        variance = np.einsum("ti,tij,tj->t", axis, S, axis)
+        sums.append((beta[:, 1:] * off**2 / variance[:, None]).sum())
+    return Seen(z, len(gated), *map(float, sums))
+
+
+def contradiction(seen, x, P, existence, p_detect, clutter):
+    """What the plots contradict, in one line, or None.
+
+    seen : a Seen of each scan that was taken; x (K, T, 4), P (K, T, 4, 4), existence (K, T) of the
+    tracks; p_detect (T,); clutter in plots per m^2 and scan, or "estimate"
+    """
+    if not seen or not x.shape[1]:
+        return None
+    total = Seen(seen[0].z, *np.sum([one[1:] for one in seen], axis=0).tolist())
+    return (
+        _never_gated(seen, total, x[0], p_detect)
+        or _errors_too_large(total)
+        or _coincide(x, P, existence)
+        or _other_density(total, clutter)
+    )
+
+
+def _never_gated(seen, total, x, p_detect):
+    """No plot ever in a gate, and what plots and start states may be instead."""
+    seen = [one for one in seen if len(one.z)]
+    missed = len(seen) * np.log1p(-p_detect).sum()
+    if total.gated or len(seen) < LEAST_SCANS or missed > math.log(0.01):
+        return None
+    reading = _likely(np.concatenate([one.z for one in seen[:LEAST_SCANS]]), x)
+    return f"scans: no plot of {len(seen)} scans lies in a gate; {reading}"
+
+
+def _likely(z, x):
+    """The reading of plots and start states that brings them ten times as near, if one does."""
+    near = {words: _apart(*read(z, x)) for words, read in READINGS.items()}
+    best = min(near, key=near.get)
+    fits = near[best] < min(0.1, _apart(z, x) / 10)
+    return best if fits else "check units, origin and start states"
+
+
+def _apart(z, x):
+    """Median over the tracks of the distance to the nearest plot, over the track's range."""
+    off = np.hypot(*np.moveaxis(x[:, None, ::2] - z, -1, 0)).min(axis=1)
+    return np.median(off / np.hypot(*x[:, ::2].T))
+
+
+def _errors_too_large(total):
+    """Plots much nearer to the predictions than the errors that were told."""
+    shares = [math.sqrt(d2 / max(total.claims, 1e-9)) for d2 in (total.along, total.across)]
+    if total.claims < LEAST_CLAIMS or min(shares) > SMALLEST_SHARE:
+        return None
+    words = f"plots lie within {min(shares):.1g} of the errors that were told"
+    return f"sigma_r, sigma_theta_deg, P, Q: {words}; give them in the unit of the plots"
+
+
+def _coincide(x, P, existence):
+    """Two tracks that exist and have one state in each of the last scans."""
+    x, P, existence = (a[-LAST_SCANS:] for a in (x, P, existence))
+    both = (existence > 0.5).all(axis=0) & (len(x) == LAST_SCANS)
+    for a, b in np.argwhere(np.triu(both[:, None] & both, 1)):
+        off = x[:, a] - x[:, b]
+        d2 = (off * np.linalg.solve(P[:, a] + P[:, b], off[..., None])[..., 0]).sum(axis=1)
+        if d2.max() < SAME:
+            words = f"tracks {a} and {b} coincide in the last {LAST_SCANS} scans"
+            return f'x: {words}; take one out, or choose method="JIPDA" or "JIPDA-AI"'
+    return None
+
+
+def _other_density(total, clutter):
+    """False plots in the gates are many more or many fewer than the density says."""
+    if clutter == "estimate":
+        return None
+    false, most, least = total.gated - total.expected, clutter * total.area, clutter * total.largest
+    most, least = FACTOR * most, least / FACTOR
+    many = false - most > CERTAIN * math.sqrt(most + total.spread) + 3
+    few = least - max(false, 0.0) > CERTAIN * math.sqrt(least + total.spread) + 3
+    if not many and not few:
+        return None
+    words = f"{clutter:.2g} told, {max(false, 0.5) / total.area:.1g} per m^2 in the gates"
+    return f'clutter: {words}; give clutter="estimate", or the density'

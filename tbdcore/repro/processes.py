@@ -1,0 +1,136 @@
+"""Signals that ask a command to end, and its processes, of which none outlives it.
+
+The first of these signals raises KeyboardInterrupt in the main thread; later ones change nothing.
+Python loses an exception that is raised in a finalizer, so :data:`came` keeps the signals as well.
+What a command has started ends with it, or within seconds of its death.
+"""
+
+import contextlib
+import os
+import signal
+import subprocess
+import threading
+import time
+
+ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+NOTICE = 2  # seconds that a process has to end before it is killed
+TICK = 1.0  # seconds between two looks at a process that runs
+came = []  # signals that have asked the present command to end
+
+
+def note(number, frame):
+    """A signal handler that only notes the signal in :data:`came`."""
+    came.append(number)
+
+
+def interrupt(number, frame):
+    """A signal handler: the first signal raises KeyboardInterrupt, all are noted."""
+    came.append(number)
+    if len(came) == 1:
+        raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def signals_to(handler):
+    """Signals that ask the run to end go to a handler until the block is done.
+
+    They reach the main thread only; one that the caller ignores (nohup) stays ignored.
+    """
+    before = {}
+    with contextlib.suppress(ValueError):  # not the main thread
+        for number in ENDING:
+            if signal.getsignal(number) != signal.SIG_IGN:
+                before[number] = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, earlier in before.items():
+            signal.signal(number, earlier or signal.SIG_DFL)
+
+
+@contextlib.contextmanager
+def signals_held():
+    """Hold back signals that ask the run to end until the block is done."""
+    held = []
+    try:
+        with signals_to(lambda *event: held.append(event[0])):
+            yield
+    finally:
+        for number in held:
+            signal.raise_signal(number)
+
+
+def call(words, environment, log, tick):
+    """Run a command in a session of its own; returns its exit code.
+
+    Its output goes to the file `log`; ``tick()`` is called every second.  No process that it starts
+    outlives this call.
+    """
+    import psutil
+
+    own, child, seen = psutil.Process(), None, set()
+    before = set(own.children(recursive=True))
+    options = {"stdin": subprocess.DEVNULL, "env": environment, "start_new_session": True}
+    try:
+        with log.open("wb") as said:
+            child = subprocess.Popen(words, stdout=said, stderr=said, **options)
+        while child.poll() is None:
+            if came:
+                raise KeyboardInterrupt
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(TICK)
+            seen |= set(own.children(recursive=True)) - before
+            tick()
+        return child.returncode
+    finally:
+        with signals_held():
+            seen |= set(own.children(recursive=True)) - before
+            if child:
+                child.kill()  # nbclient would take a SIGTERM for itself
+            end(seen)
+            if child:
+                child.wait()
+
+
+def end(processes):
+    """End processes: ask, wait, kill."""
+    import psutil
+
+    for act in (psutil.Process.terminate, psutil.Process.kill):
+        for process in processes:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                act(process)
+        until = time.monotonic() + NOTICE
+        while (processes := list(filter(runs, processes))) and time.monotonic() < until:
+            time.sleep(0.01)
+
+
+def end_with_parent(parent):
+    """End this process, and all that it has started, within seconds of its parent's end."""
+    import psutil
+
+    def watch():
+        while os.getppid() == parent:
+            time.sleep(1)
+        end(psutil.Process().children(recursive=True))
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def runs(process):
+    """Whether a process has not ended; a zombie has, whenever its parent may take note of it."""
+    import psutil
+
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    return False
+
+
+def runs_since(pid, when):
+    """Whether the process that had an id at some time still runs."""
+    import psutil
+
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return psutil.Process(pid).create_time() < when + 1 and runs(psutil.Process(pid))
+    return False

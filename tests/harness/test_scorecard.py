@@ -1,0 +1,50 @@
+"""The files that hold the verdicts of all papers together."""
+
+import pandas as pd
+import pytest
+
+from tbdcore.repro import cite, claims, cli, paths
+
+DEPENDS = f"""{",".join(claims.Verdict._fields)}
+mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.0,,depends,"1 of 2: all reproduced, half differs",measured,
+order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.0,,reproduced,,measured,
+price,text,price,cheap,,,,,,untestable,,,An opinion.
+"""  # noqa: E501
+SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,depends,inconclusive,together\n"
+
+
+@pytest.fixture
+def folder(repository):
+    """The small repository with a row that depends on a reading."""
+    (repository / "figures" / "tiny").mkdir(parents=True)
+    (repository / "figures" / "tiny" / "verdicts.csv").write_text(DEPENDS)
+    return repository
+
+
+def test_a_row_that_depends_is_counted_and_listed(folder):
+    assert cli.main(["score"]) == 0
+    (line,) = (each for each in paths.README.read_text().splitlines() if "01_tiny" in each)
+    assert "| 2 | 1 | 0 | 1 | 0 | 1 untestable |" in line
+    card = pd.read_csv(folder / "figures" / "scorecard.csv").set_index("id")
+    assert list(card["readings"].dropna()) == ["1 of 2: all reproduced, half differs"]
+    card = (folder / "figures" / "scorecard.md").read_text().splitlines()
+    counts = dict(zip(card[0].split(" | "), card[-1].split(" | "), strict=True))
+    assert (counts["measured: reproduced"], counts["measured: depends"]) == ("1", "1")
+    row = claims.verdicts("tiny").set_index("id").loc["mean"]
+    assert cite._judged(row).endswith("**depends** (1 of 2: all reproduced, half differs)")
+
+
+@pytest.mark.parametrize(
+    ("together", "said"),
+    [
+        ("differs", "All [seeds](data/seeds.csv) together give another verdict on "
+         "[01_tiny](notebooks/01_tiny.ipynb) `order` (differs, not reproduced)."),
+        ("reproduced", "All [seeds](data/seeds.csv) together give the same verdicts."),
+    ],
+)  # fmt: skip
+def test_one_sentence_names_the_rows_that_all_seeds_together_change(folder, together, said):
+    cli.main(["score"])
+    assert "[seeds]" not in paths.README.read_text(), "without a study"
+    (folder / "data" / "seeds.csv").write_text(f"{SEEDS}tiny,order,10,9,1,0,0,{together}\n")
+    assert cli.main(["score"]) == 0
+    assert paths.README.read_text().splitlines()[-2:] == [said, "<!-- /scorecard -->"]

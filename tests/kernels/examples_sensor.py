@@ -1,0 +1,75 @@
+"""A valid call of each public function of ``sensor``, for the contract of arguments."""
+
+import numpy as np
+
+from tbdcore import sensor
+
+SPREAD = sensor.Spread(1.5, 0.25, 1, 2)
+GRID = sensor.PolarGrid(1000.0, 0.5, 10.0, 0.125, 8, 6)
+
+
+def power():
+    return np.arange(1.0, 49.0).reshape(8, 6) / 16.0
+
+
+def particles():
+    return {"z": power(), "rho": np.array([2.25, 4.0, 7.5]), "alpha": np.array([1.0, 3.25, 5.5])}
+
+
+def intense():
+    return particles() | {"snr": np.array([4.0, 0.0, 2.5]), "spread": SPREAD}
+
+
+FREE = {("blob_image", "x"), ("blob_image", "y"), ("blob_log_ratio", "S"), ("cell_power", "z")}
+FREE |= {("add_target", name) for name in ("rho", "alpha", "power")}
+FREE |= {("polar_cells", "x"), ("polar_cells", "y")}
+for function in ("power_log_ratio", "coherent_log_ratio", "patch_fit", "cell_power"):
+    FREE |= {(function, "rho"), (function, "alpha")}
+EXAMPLES = {
+    "blob_peak": lambda: {"intensity": 18.0, "blur": 0.5, "delta": 2.0},
+    "blob_image": lambda: {
+        "x": np.array([2.0, 3.5]),
+        "y": np.array([1.0, 2.5]),
+        "peak": 4.0,
+        "blur": 0.5,
+        "shape": np.array([5, 4]),
+    },
+    "blob_log_ratio": lambda: {
+        "z": power(),
+        "S": np.array([[2.0, 0.5, 3.0], [4.25, 1.0, 5.0], [7.0, 0.0, 1.5]]),
+        "r": np.array([1, 2, 0]),
+        "peak": 4.0,
+        "blur": 0.5,
+        "noise": 2.0,
+    },
+    "point_amplitude": lambda: {"snr_db": np.array([0.0, 6.0]), "sigma": 2.0},
+    "point_frames": lambda: {
+        "noise": np.arange(24.0).reshape(2, 4, 3),
+        "cells": np.array([[0, 2], [3, 1]]),
+        "amplitude": np.array([2.0, 3.0]),
+    },
+    "polar_grid": lambda: {
+        **{"r_min": 1000.0, "r_max": 1080.0, "a_min": 0.5, "a_max": 1.25},
+        **{"dr": 10.0, "da": 0.125},
+    },
+    "polar_cells": lambda: {
+        "x": np.array([800.0, 600.0]),
+        "y": np.array([600.0, 850.0]),
+        "grid": GRID,
+    },
+    "spread_power": lambda: {"rho": 2.25, "alpha": 3.0, "spread": SPREAD, "shape": [4, 6]},
+    "spread_area": lambda: {"spread": SPREAD},
+    "noise_power": lambda: {"shape": [2, 3, 4], "rng": np.random.default_rng(1)},
+    "add_target": lambda: {
+        "z": np.stack((power(), power())),
+        "rho": np.array([2.0, 3.5]),
+        "alpha": np.array([1.0, 4.5]),
+        "power": np.array([4.0, 2.0]),
+        "spread": SPREAD,
+        "rng": np.random.default_rng(1),
+    },
+    "power_log_ratio": intense,
+    "coherent_log_ratio": lambda: intense() | {"step": 0.5},
+    "cell_power": particles,
+    "patch_fit": lambda: particles() | {"spread": SPREAD},
+}
