@@ -1,5 +1,6 @@
 """Data that are not the papers': the tables at the end of docs/own_data.md."""
 
+import itertools
 from contextlib import nullcontext
 
 import numpy as np
@@ -213,13 +214,15 @@ def scans_of_one(seed):
     return [np.array([[*plot, s]]) for plot, s in zip(np.c_[r, a], power, strict=True)]
 
 
-@pytest.mark.parametrize("case", ["gap", "gone", "two"])
+@pytest.mark.parametrize("case", ["gap", "untaken", "gone", "two"])
 def test_04(case):
     page, scans = tbdcore.page("track_cfar"), scans_of_one(1)
     p = page.Scenario(scan=4.0, bandwidth=5.0, beamwidth=1.5, sigma_p=1.0)
     alone = page.run(scans, p, accuracy=(10.0, 0.002))
     if case == "gap":
         scans[8] = np.empty((0, 3))
+    elif case == "untaken":
+        scans[8] = None
     elif case == "gone":
         scans[8:] = [np.empty((0, 3))] * 12
     else:
@@ -228,6 +231,8 @@ def test_04(case):
     counted = [track.misses for track in tracks]
     if case == "gap":
         assert counted == [0] * 6 + [1] + [0] * 11
+    elif case == "untaken":
+        assert counted == [0] * 18
     elif case == "gone":
         assert counted == [0] * 6 + list(range(1, p.miss_limit + 1))
     else:
@@ -244,6 +249,8 @@ def boats(case, seed):
     scans = [t + 20.0 * rng.standard_normal((2, 2)) for t in truth]
     if case == "gap":
         scans[30] = np.empty((0, 2))
+    elif case == "untaken":
+        scans[30] = None
     elif case == "gone":
         scans = [scan[:1] if k >= 45 else scan for k, scan in enumerate(scans)]
     elif case != "plain":
@@ -261,7 +268,7 @@ def boats(case, seed):
     return result, np.hypot(*(result.x[-1][:, ::2] - truth[-1]).T)
 
 
-@pytest.mark.parametrize("case", ["gap", "gone", "little", "estimate"])
+@pytest.mark.parametrize("case", ["gap", "untaken", "gone", "little", "estimate"])
 def test_05(case):
     for seed in range(3):
         result, distance = boats(case, seed)
@@ -269,6 +276,8 @@ def test_05(case):
             assert (result.existence[30] > 0.6).all()
             assert (result.existence[30] < 0.9).all()
             assert result.existence[-1].min() > 0.95
+        elif case == "untaken":  # p11 = 0.99
+            assert np.allclose(result.existence[30], 0.99 * result.existence[29])
         elif case == "gone":
             untouched, _ = boats("plain", seed)
             assert result.existence[-1][1] < 0.01
@@ -276,3 +285,32 @@ def test_05(case):
         else:
             assert distance.max() < 60
             assert result.existence[-1].min() > 0.85
+
+
+def pair_of_boats(rng, merged):
+    """Eighty scans of two boats 22 m apart, whose plots are merged in a share of them; truth."""
+    x = np.array([[800.0, 3, 300, 1], [800.0, 3, 322, 1]])
+    truth = np.array([x[:, ::2] + 2.5 * k * x[:, 1::2] for k in range(80)])
+    scans = [truth[0]]
+    for places in truth[1:]:
+        seen = places.mean(axis=0, keepdims=True) if rng.random() < merged else places
+        z = seen[rng.random(len(seen)) < 0.9]
+        false = places[0] + rng.uniform(-500, 500, (rng.poisson(2.0), 2))
+        scans.append(np.r_[z + 6.0 * rng.standard_normal(z.shape), false])
+    return x, scans, truth
+
+
+def test_05_close_targets_without_amplitudes():
+    """JIPDA keeps more pairs than LJIPDA; where plots are merged, neither keeps many."""
+    page, kept = tbdcore.page("ljipda_ai"), {}
+    for merged, method in itertools.product((0.0, 0.8), ("JIPDA", "LJIPDA")):
+        good = []
+        for seed in range(40):
+            x, scans, truth = pair_of_boats(np.random.default_rng(seed), merged)
+            motions = motion.cv(2.5), motion.white_acceleration(2.5, 0.01)
+            setup = page.Setup(x, np.diag([36.0, 1, 36, 1]), *motions, 6.0, 0.3, p_detect=0.9)
+            found = page.states(scans, setup, method)[0][-20:, :, ::2]
+            good.append((np.hypot(*np.moveaxis(found - truth[-20:], -1, 0)).mean(0) < 11).all())
+        kept[merged, method] = np.mean(good)
+    assert kept[0.0, "JIPDA"] - kept[0.0, "LJIPDA"] > 0.1, "0.3 in a hundred, less 2 errors"
+    assert max(kept[0.8, "JIPDA"], kept[0.8, "LJIPDA"]) < 0.3
