@@ -593,7 +593,7 @@ BAD = {
     "a list of unequal frames": started([frames((30, 20)), frames((30, 19))]),
     "complex frames": started(frames(kind=complex)),
     "frames of text": started(np.full((4, 30, 20), "a")),
-    "a NaN cell": started(np.full((4, 30, 20), np.nan)),
+    "a NaN cell": started(np.where(np.indices((4, 30, 20))[1] > 3, np.nan, 0.0)),
     "an infinite cell": started(np.full((4, 30, 20), np.inf)),
     "a window longer than the run": started(frames((2, 30, 20))),
     "a seed for a generator": started(frames(), rng=1),
@@ -620,9 +620,26 @@ def spoiled(cell, value):
 def test_the_first_cell_without_a_number_is_named(page, value):
     z = spoiled((4, 1, 2), value)
     z[4, 3, 0] = np.nan
-    words = rf"^frames\[4, 1, 2\] is {value}; fill it with the mean of the noise, 0$"
+    words = rf"^frames\[4, 1, 2\] is {value}; give a frame that is missing as None$"
     with pytest.raises(ValueError, match=words):
         started(z)(page)
+
+
+@pytest.mark.parametrize("filtered", ["run", "bernoulli"])
+def test_a_missing_frame_is_no_evidence(page, filtered):
+    """All particles keep their weights; existence is what the chain predicts."""
+    z, p = frames((9, 30, 20)), page.Scenario(M=4000, M_new=0 if filtered == "run" else 1000)
+    z[:5] += 9.0 * (np.arange(30)[:, None] == 9) * (np.arange(20) == 9)
+    z[6] = np.nan
+    apart = [frame if k != 6 else None for k, frame in enumerate(z)]
+    one, two = (
+        getattr(page, filtered)(each, p, np.random.default_rng(1)).existence for each in (z, apart)
+    )
+    assert np.array_equal(one, two)
+    stay, appear, _ = page.conditional(p)
+    low, high = sorted(one[5] * np.array([stay[1:].min(), stay[1:].max()]))
+    born = (1 - one[5]) * appear.sum()
+    assert low + born - 0.03 < one[6] < high + born + 0.03
 
 
 def test_a_masked_array_is_refused_by_both_filters(page):
