@@ -60,20 +60,29 @@ def retired():
     Raises ValueError, naming file, row and column, for a damaged file, an id of another form or of
     a product that is made, a commit that is none, and a successor that is not made.
     """
-    return claims.records(paths.PRODUCTS / "retired.csv", Retired, _doubts)
+    return claims.records(paths.PRODUCTS / "retired.csv", Retired, _faults)
 
 
-def _doubts(it):
-    """Column and fault of everything that is wrong in a row of retired.csv."""
-    made = [(paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead)]
-    if not re.fullmatch(r"\w+/\w+", it.id) or it.id.partition("/")[0] not in pages.everything():
-        yield "id", f"{it.id!r} is no id of a figure or table, such as track_cfar/fig05"
-    if made[0]:
-        yield "id", f"{it.id!r} is still made; delete the row, or the figure"
-    if not re.fullmatch("[0-9a-f]{7,40}", it.last_commit):
-        yield "last_commit", f"{it.last_commit!r} is no commit; give 7 to 40 hexadecimal digits"
-    if re.fullmatch(r"\w+/\w+", it.instead) and not made[1]:
-        yield "instead", f"{it.instead!r} is not made; give the id of a product, words, or nothing"
+def _faults(it):
+    """What can be wrong in a row of retired.csv: column, whether it is, and what to do."""
+    form = re.compile(r"(\w+)/\w+")
+    page, instead = form.fullmatch(it.id), form.fullmatch(it.instead)
+    made, follows = ((paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead))
+    known = page and page[1] in pages.notebooks()
+    return [
+        ("id", not known, "no id of a figure or table, such as track_cfar/fig05"),
+        ("id", made, "it is still made; delete the row, or the figure"),
+        (
+            "last_commit",
+            not re.fullmatch("[0-9a-f]{7,40}", it.last_commit),
+            "give 7 to 40 hexadecimal digits",
+        ),
+        (
+            "instead",
+            instead and not follows,
+            "not made; give the id of a product, words, or nothing",
+        ),
+    ]
 
 
 def product(id):

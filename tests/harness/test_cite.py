@@ -359,11 +359,11 @@ def test_without_retired_ids_the_gallery_has_no_list_of_them(execute, tmp_path):
     ("line", "words"),
     [
         ("tiny/fig9", "row 2, column last_commit: 1 fields instead of 3"),
-        ("fig9,0123abc,", "row 2, column id: 'fig9' is no id"),
-        ("tyni/fig9,0123abc,", "row 2, column id: 'tyni/fig9' is no id"),
-        ("tiny/fig1,0123abc,", "row 2, column id: 'tiny/fig1' is still made"),
-        ("tiny/fig9,HEAD,", "row 2, column last_commit: 'HEAD' is no commit"),
-        ("tiny/fig9,0123abc,tiny/fig8", "row 2, column instead: 'tiny/fig8' is not made"),
+        ("fig9,0123abc,", "row 2, column id: 'fig9'; no id"),
+        ("tyni/fig9,0123abc,", "row 2, column id: 'tyni/fig9'; no id"),
+        ("tiny/fig1,0123abc,", "row 2, column id: 'tiny/fig1'; it is still made"),
+        ("tiny/fig9,HEAD,", "row 2, column last_commit: 'HEAD'; give 7 to 40"),
+        ("tiny/fig9,0123abc,tiny/fig8", "row 2, column instead: 'tiny/fig8'; not made"),
         (
             "tiny/fig9,0123abc,\ntiny/fig9,0123abc,",
             "row 3: 'tiny/fig9' stands there twice",
