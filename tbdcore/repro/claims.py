@@ -493,20 +493,18 @@ class Ledger:
         if wanted != given:
             wrong = f"readings.csv has the other options {wanted or 'none'}"
             raise self._error(f"{claim.id}: {wrong}; given are {given or 'none'}")
-        flown = {
-            (name, option): readings[name][option] for name in readings for option in readings[name]
-        }
-        others = [
-            self.judged(claim, it.measured, it.se, it.n, reached).verdict for it in flown.values()
-        ]
-        names = ["default", *map(" ".join, flown)]
-        if len(readings) == 1:
-            names = [self.readings[next(iter(readings))].default, *(option for _, option in flown)]
-        verdicts = [row.verdict, *others]
-        told = ", ".join(map(" ".join, zip(names, verdicts, strict=True)))
-        depends = self._measured(claim) and differs_between(row.verdict, others, flown.values())
-        told = f"{verdicts.count('reproduced')} of {len(verdicts)}: {told}"
-        return row._replace(verdict="depends" if depends else row.verdict, readings=told)
+        only = next(iter(readings)) if len(readings) == 1 else ""
+        every = {self.readings[only].default if only else "default": row.verdict}
+        flown = [(name, option) for name, options in readings.items() for option in options]
+        options = [readings[name][option] for name, option in flown]
+        for words, it in zip(flown, options, strict=True):
+            found = self.judged(claim, it.measured, it.se, it.n, reached)
+            every[" ".join(words).removeprefix(f"{only} ")] = found.verdict
+        verdicts = [*every.values()]
+        told = ", ".join(map(" ".join, every.items()))
+        row = row._replace(readings=f"{verdicts.count('reproduced')} of {len(every)}: {told}")
+        depends = self._measured(claim) and differs_between(row.verdict, verdicts[1:], options)
+        return row._replace(verdict="depends") if depends else row
 
     def _measured(self, claim):
         """Whether a claim is measured, or repeats one that is."""
@@ -671,19 +669,18 @@ def verdicts(paper, folder=None):
     try:
         found = [Verdict(*row) for row in rows(path, Verdict._fields)]
     except ValueError as error:
-        raise ValueError(f"{path}: {error}; make it anew: {again}") from None
+        wrong = f"no table of verdicts ({error})"
+        raise ValueError(f"{path}: {wrong}; make it anew: {again}") from None
     known = read(paper)
     if [row.id for row in found] != list(known):
         odd = ", ".join(sorted({row.id for row in found} ^ {*known})) or "their order"
         files = f"verdicts.csv and data/claims/{paper}.csv"
         raise ValueError(f"{paper}: {files} do not match in {odd}; run {again}")
     for number, (row, claim) in enumerate(zip(found, known.values(), strict=True), start=2):
-        pairs = {"value": (published(claim), row.published)}
-        pairs["evidence"] = (claim.evidence, row.evidence or claim.evidence)
-        for column, (ours, theirs) in pairs.items():
-            if ours != theirs:
-                wrong = f"{ours!r}, but the verdict is on {theirs!r}; correct it, or run {again}"
-                raise fault(f"{paper}.csv", number, column, wrong)
+        if row.evidence not in ("", claim.evidence) or row.published != published(claim):
+            column = "value" if row.published != published(claim) else "evidence"
+            wrong = f"not that of the verdict, {row.published!r}, {row.evidence!r}"
+            raise fault(f"{paper}.csv", number, column, f"{wrong}; correct it, or run {again}")
     return pd.DataFrame(found, columns=Verdict._fields)
 
 
