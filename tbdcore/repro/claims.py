@@ -422,11 +422,8 @@ class Ledger:
 
     def number(self, id, name):
         """A number of a row's rule; ValueError, with the nearest name, when it has none."""
-        known = numbers(self._claim(id).rule)
-        if name not in known:
-            advice = f"the nearest is {nearest(name, known)!r}"
-            raise self._error(f"the rule of {id} has no {name!r}; {advice}")
-        return known[name]
+        claim = self._named(id, self.claims, "claim")
+        return self._named(name, numbers(claim.rule), f"number in the rule of {id},")
 
     def check(self, id, measured, *, se=0.0, n=None, shown="", reached=False, readings=None):
         """Judge a claim by its rule; see :func:`judge` and :func:`judge_margins`.
@@ -478,7 +475,7 @@ class Ledger:
 
     def options(self, claim):
         """The options beside the default that a row is flown under, by reading."""
-        found = {name: it.others() for name, it in self.readings.items() if it.touches(claim.id)}
+        found = {it.name: it.others() for it in self.readings.values() if it.touches(claim.id)}
         return {name: others for name, others in found.items() if others}
 
     def _compared(self, claim, row, readings, reached):
@@ -585,16 +582,16 @@ class Ledger:
     def _error(self, wrong):
         return ValueError(f"{self.paper}: {wrong}")
 
-    def _claim(self, id):
-        if id not in self.claims:
-            raise self._error(f"no claim {id!r}; the nearest is {nearest(id, self.claims)!r}")
-        return self.claims[id]
-
     def _open(self, id):
         """The claim of an id that has no verdict yet."""
         if id in self.verdicts:
             raise self._error(f"{id} is checked twice")
-        return self._claim(id)
+        return self._named(id, self.claims, "claim")
+
+    def _named(self, name, known, kind):
+        if name not in known:
+            raise self._error(f"no {kind} {name!r}; the nearest is {nearest(name, known)!r}")
+        return known[name]
 
     def _enter(self, claim, row):
         if row.verdict == "differs":

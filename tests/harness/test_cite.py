@@ -273,6 +273,11 @@ def test_a_film_is_found_by_its_comment(execute, tmp_path):
     assert cite.embedded(tmp_path / "film.gif") == "tiny/fig1"
 
 
+def test_a_checksum_of_letters_is_no_part_of_an_id(execute, tmp_path):
+    (tmp_path / "a.png").write_bytes(b"\0\0\0\x0ftEXtTitle\0tiny/fig10abc")
+    assert cite.embedded(tmp_path / "a.png") == "tiny/fig1"
+
+
 def test_a_re_saved_picture_keeps_id_and_caption(execute, capsys, tmp_path):
     copy = tmp_path / "again.png"
     content = (tmp_path / "figures" / "tiny" / "fig1.png").read_bytes()

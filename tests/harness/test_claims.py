@@ -376,7 +376,9 @@ def test_a_page_takes_the_numbers_of_a_rule_from_the_file(tmp_path):
     row = "b,Fig. 4,close,,close,,statement,Sec. 1,Within; tolerance = 14 m,measured,"
     book = ledger(tmp_path, HEADER, row)
     assert book.number("b", "tolerance") == 14.0
-    with pytest.raises(ValueError, match=r"rule of b has no 'tolerence'; the nearest is 'tolera"):
+    with pytest.raises(
+        ValueError, match=r"no number in the rule of b, 'tolerence'; the nearest is 't"
+    ):
         book.number("b", "tolerence")
 
 
@@ -900,6 +902,13 @@ def test_a_row_is_judged_under_exactly_the_options_of_its_readings(tmp_path, rea
     with pytest.raises(ValueError, match=message) as caught:
         judged(tmp_path, 287.1, readings)
     assert "\n" not in str(caught.value)
+
+
+def test_a_reading_whose_other_options_are_refuted_asks_for_none(tmp_path):
+    refuted = f"{WEIGHTS}gated: z = 9; single: z = 8"
+    assert judged(tmp_path, 287.1, None, refuted).readings == ""
+    with pytest.raises(ValueError, match="has the other options none; given are weights: gated"):
+        judged(tmp_path, 287.1, {"weights": flown(287.1, 287.1, names=["gated"])}, refuted)
 
 
 def test_a_reading_touches_its_rows_only(tmp_path):
