@@ -1,14 +1,10 @@
 """Citing: from a figure or table to its caption, files and bibliography, and back from a file.
 
 A product has the id ``<paper>/<name>``, for instance ``track_cfar/fig05``; the JSON beside it says
-everything about it.  ``text`` writes what a report needs (a LaTeX environment, Markdown, BibTeX),
-``which`` finds out what a file is that lies anywhere under any name, and whether the sources that
-made it have changed since; ``retired`` lists what is no longer made.  ``gallery`` and
-``bibliography`` are the pages ``figures/README.md`` and ``figures/figures.bib``.
-
-Bibliographic fields come from ``data/papers.toml`` and, for this repository, from ``CITATION.cff``;
-what is not known is left out.  A paper without authors gets a ``key``, which BibTeX sorts by
-instead, and a ``note`` that says so.  Products are those in ``paths.figures()``.
+everything about it.  ``text`` writes what a report needs, ``which`` finds out what a file is that
+lies anywhere under any name, and whether the sources that made it have changed since; ``retired``
+lists what is no longer made; ``gallery`` and ``bibliography`` are ``figures/README.md`` and
+``figures/figures.bib``.  Bibliographic fields come from ``data/papers.toml`` and ``CITATION.cff``.
 """
 
 import itertools
@@ -31,14 +27,14 @@ TOPICS = {"index": "All papers", "together": "The five ideas on the same scenes"
 
 def ids(*papers):
     """Ids of all products, paper by paper, the papers' own figures and tables first."""
-    folders = [paths.figures() / paper for paper in papers or pages.notebooks()]
-    found = [file for folder in folders for file in sorted(folder.glob("*.json"), key=_rank)]
-    return [f"{file.parent.name}/{file.stem}" for file in found]
+    folders = {paper: paths.figures() / paper for paper in papers or pages.notebooks()}
+    names = {p: [file.stem for file in folder.glob("*.json")] for p, folder in folders.items()}
+    return [f"{paper}/{name}" for paper in names for name in sorted(names[paper], key=_rank)]
 
 
-def _rank(file):
+def _rank(name):
     """Order in a gallery: fig1, fig2, fig10, table1, then everything else by name."""
-    kind, number, rest = re.fullmatch(r"([a-z_]*)(\d*)(.*)", file.stem).groups()
+    kind, number, rest = re.fullmatch(r"([a-z_]*)(\d*)(.*)", name).groups()
     return {"fig": 0, "table": 1}.get(kind, 2), kind, int(number or 0), rest
 
 
@@ -55,25 +51,22 @@ class Retired(NamedTuple):
 
 
 def retired():
-    """The products that are no longer made, by id.
-
-    Raises ValueError, naming file, row and column, for a damaged file, an id of another form or of
-    a product that is made, a commit that is none, and a successor that is not made.
-    """
-    return claims.records(paths.PRODUCTS / "retired.csv", Retired, _doubts)
+    """The products that are no longer made, by id; raises as :func:`claims.records` does."""
+    return claims.records(paths.PRODUCTS / "retired.csv", Retired, _faults)
 
 
-def _doubts(it):
-    """Column and fault of everything that is wrong in a row of retired.csv."""
-    made = [(paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead)]
-    if not re.fullmatch(r"\w+/\w+", it.id) or it.id.partition("/")[0] not in pages.notebooks():
-        yield "id", f"{it.id!r} is no id of a figure or table, such as track_cfar/fig05"
-    if made[0]:
-        yield "id", f"{it.id!r} is still made; delete the row, or the figure"
-    if not re.fullmatch("[0-9a-f]{7,40}", it.last_commit):
-        yield "last_commit", f"{it.last_commit!r} is no commit; give 7 to 40 hexadecimal digits"
-    if re.fullmatch(r"\w+/\w+", it.instead) and not made[1]:
-        yield "instead", f"{it.instead!r} is not made; give the id of a product, words, or nothing"
+def _faults(it):
+    """What can be wrong in a row of retired.csv: column, whether it is, and what to do."""
+    page, instead = (re.fullmatch(r"(\w+)/\w+", id) for id in (it.id, it.instead))
+    made, follows = ((paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead))
+    known = page and page[1] in pages.notebooks()
+    commit = re.fullmatch("[0-9a-f]{7,40}", it.last_commit)
+    return [
+        ("id", not known, "no id of a figure or table, such as track_cfar/fig05"),
+        ("id", made, "it is still made; delete the row, or the figure"),
+        ("last_commit", not commit, "give 7 to 40 hexadecimal digits"),
+        ("instead", instead and not follows, "not made; give a product's id, words, or nothing"),
+    ]
 
 
 def product(id):
@@ -104,12 +97,12 @@ def text(id, form=""):
     about, have = product(id), files(id)
     if form == "caption":
         return f"{_caption(about)}\n"
-    if form == "bibtex":
-        return bibliography(about["paper"])
     if form == "latex":
         return _latex(about, have)
     if form == "markdown":
         return _markdown(about, have) + ("\n" if "png" in have else f"\n{_caption(about)}\n")
+    if form == "bibtex":
+        return bibliography(about["paper"])
     names = "".join(f"  {_relative(file)}\n" for file in have.values())
     made = f"seed {about['seed']}, {about['trials']} trials, digest {about['digest']}"
     again = about.get("remake", f"tbdcore run {about['paper']}")
@@ -134,27 +127,26 @@ def _latex(about, have):
 
     A table is set at 8 pt in a document of 10 pt; one that is wider than the text lies on its side.
     """
-    picture = "png" in have or "pdf" in have
+    picture, id, paper = "png" in have or "pdf" in have, about["id"], about["paper"]
     if ("pdf" if picture else "tex") not in have:
-        advice = f"make them anew: tbdcore run {about['paper']}"
-        raise ValueError(f"{about['id']}: its files are incomplete; {advice}")
+        raise ValueError(f"{id}: its files are incomplete; make them anew: tbdcore run {paper}")
     kind, package = ("figure", "graphicx") if picture else ("table", "booktabs")
-    says, origin = products.tex(_caption(about).rstrip(" .")), "Computed"
-    if about["paper"] in pages.papers():  # a product of ours beyond the paper is not after it
-        origin = "Not in" if re.search("/(beyond|open)_", about["id"]) else "After"
-        origin += f"~\\cite{{{about['paper']}}}, computed"
-    body = [f"\\caption{{{says}. {origin} with~\\cite{{tbdcore}}.}}"]
-    body += [f"\\label{{{kind[:3]}:{about['id'].replace('/', ':')}}}"]
+    label, origin = f"{kind[:3]}:{id.replace('/', ':')}", "Computed"
+    if paper in pages.papers():  # a product of ours beyond the paper is not after it
+        after = "Not in" if re.search("/(beyond|open)_", id) else "After"
+        origin = f"{after}~\\cite{{{paper}}}, computed"
+    says = f"{products.tex(_caption(about).rstrip(' .'))}. {origin} with~\\cite{{tbdcore}}."
+    body = [f"\\caption{{{says}}}", f"\\label{{{label}}}"]
     if picture:
-        body = [f"\\includegraphics[width=\\linewidth]{{{_relative(have['pdf'])}}}", *body]
+        body.insert(0, f"\\includegraphics[width=\\linewidth]{{{_relative(have['pdf'])}}}")
     else:
         body += [r"\smallskip\footnotesize\tabcolsep=3pt", f"\\input{{{_relative(have['tex'])}}}"]
         if _points(have["tex"].read_text(encoding="utf-8")) > COLUMN:
             kind, package = "sidewaystable", "booktabs,rotating"
     entries = f"\\bibliography{{{_relative(paths.PRODUCTS / 'figures')}}}"
     needs = f"% needs \\usepackage{{{package}}}, and {entries} with \\bibliographystyle{{plain}}"
-    lines = [needs, f"\\begin{{{kind}}}", "  \\centering", *(f"  {line}" for line in body)]
-    return "\n".join([*lines, f"\\end{{{kind}}}", ""])
+    inner = "\n  ".join([f"\\begin{{{kind}}}", "\\centering", *body])
+    return f"{needs}\n{inner}\n\\end{{{kind}}}\n"
 
 
 def _points(tabular):
@@ -176,23 +168,25 @@ def _markdown(about, have, folder=None):
 # Bibliography --------------------------------------------------------------------------------
 
 
-def entry(kind, key, fields):
+def _entry(kind, key, fields):
     """A BibTeX entry of fields in TeX; empty ones are left out."""
     lines = [f"  {name} = {{{fields[name]}}}," for name in FIELDS if fields.get(name)]
     return "\n".join([f"@{kind}{{{key},", *lines, "}", ""])
 
 
 def paper_entry(paper):
-    """BibTeX of a paper: an @article where everything is known that one needs, else a @misc."""
+    """BibTeX of a paper: an @article where everything is known that one needs, else a @misc.
+
+    One without authors gets a ``key``, which BibTeX sorts by instead, and a ``note`` that says so.
+    """
     about = papers()[paper]
+    about["author"] = " and ".join(about.get("authors", ()))
     chinese = r"\s*\([^)]*[\u3000-\u9fff][^)]*\)"  # in brackets; pdfTeX cannot set it
     fields = {name: products.tex(re.sub(chinese, "", str(about.get(name, "")))) for name in FIELDS}
-    fields["author"] = products.tex(" and ".join(about.get("authors", ())))
     if not fields["author"]:
         fields |= {"key": fields["title"], "note": "the text at hand names no authors"}
-    fields["title"] = f"{{{fields['title']}}}"
-    fields["pages"] = fields["pages"].replace("-", "--")
-    return entry("article" if all(fields[name] for name in ARTICLE) else "misc", paper, fields)
+    fields |= {"title": f"{{{fields['title']}}}", "pages": fields["pages"].replace("-", "--")}
+    return _entry("article" if all(fields[name] for name in ARTICLE) else "misc", paper, fields)
 
 
 def repository_entry():
@@ -207,7 +201,7 @@ def repository_entry():
         wrong = "no authors or no title in it; take it from the repository again"
         raise ValueError(f"{paths.CITATION.name}: {wrong}") from None
     fields |= {"year": str(about.get("date-released", ""))[:4], "url": about.get("repository-code")}
-    return entry("misc", "tbdcore", fields | {key: about.get(key) for key in ("version", "doi")})
+    return _entry("misc", "tbdcore", fields | {key: about.get(key) for key in ("version", "doi")})
 
 
 def _name(who):
@@ -225,12 +219,10 @@ def papers():
     except ValueError as error:
         raise ValueError(f"{name}: no TOML ({error}); take it from the repository again") from None
     for paper in pages.papers():
-        about = known.get(paper)
-        if not isinstance(about, dict):
+        if not isinstance(known.get(paper), dict):
             near = f"; is [{claims.nearest(paper, known)}] meant for it?" if known else ""
             raise ValueError(f"{name}: there is no table [{paper}]{near}")
-        missing = [key for key in ("title", "short", "topic") if not about.get(key)]
-        if missing:
+        if missing := [key for key in ("title", "short", "topic") if not known[paper].get(key)]:
             raise ValueError(f"{name}: table [{paper}] has no {', '.join(missing)}; add it")
     return {paper: known[paper] for paper in pages.papers()}
 
@@ -261,9 +253,9 @@ def gallery():
         said = f"{about['short']}: *{about['title']}*. " if about else ""
         lines += [f"## {topic(paper)}", ""]
         lines += [f"{said}Notebook [{page.stem}]({_relative(page, folder)}).", ""]
-        verdicts = claims.verdicts(paper, folder).set_index("id") if about else None
+        rows = claims.verdicts(paper, folder).to_dict("records") if about else []
         for id in ids(paper):
-            lines += _exhibit(id, verdicts, folder)
+            lines += _exhibit(id, {row["id"]: row for row in rows}, folder)
     if old := retired():
         lines += ["## Retired", "", *(f"### {id}\n\n{it}.\n" for id, it in old.items())]
     return "\n".join(lines)
@@ -272,10 +264,15 @@ def gallery():
 def _exhibit(id, verdicts, folder):
     about, have = product(id), files(id)
     links = ", ".join(f"[{ending}]({_relative(file, folder)})" for ending, file in have.items())
-    said = f"{about['caption']} ({links})"
-    shown = [claim for claim in about["claims"] if verdicts is not None and claim in verdicts.index]
-    judged = [f"- `{claim}` {_judged(verdicts.loc[claim])}" for claim in shown]
-    lines = [f"### {id}", "", _markdown(about, have, folder), "", said, ""]
+    judged = [f"- `{it}` {_judged(verdicts[it])}" for it in about["claims"] if it in verdicts]
+    lines = [
+        f"### {id}",
+        "",
+        _markdown(about, have, folder),
+        "",
+        f"{about['caption']} ({links})",
+        "",
+    ]
     return [*lines, *judged, ""] if judged else lines
 
 
@@ -291,10 +288,11 @@ def _judged(row):
 
 # Tracing ---------------------------------------------------------------------------------------
 
-# where each kind of file keeps the id of its product; an SVG has its creator's title as well
+# where each kind of file keeps the id of its product; a PNG has its length, and "Title", before it
 _PLACES = {
-    ".pdf": rb"/Title\s*\(([^)]*)\)",
-    ".svg": rb"<dc:title>\s*([^<]*?)\s*</dc:title>",
+    ".pdf": rb"/Title\s*\((\w+/\w+)\)",
+    ".svg": rb"<dc:title>\s*(\w+/\w+)\s*</dc:title>",
+    ".png": rb"\0\0\0([\s\S])tEXtTitle\0(\w+/\w+)",
     ".gif": rb"!\xfe[\s\S](\w+/\w+)\0",
     ".md": rb"^<!-- (\w+/\w+) -->",
     ".tex": rb"^% (\w+/\w+)\n",
@@ -309,22 +307,18 @@ def embedded(file):
     """
     if not file.is_file():
         raise FileNotFoundError(f"{file}: no such file; give a product that tbdcore has made")
-    kind, content = file.suffix.lower(), file.read_bytes()
+    kind, content, id = file.suffix.lower(), file.read_bytes(), ""
     if kind == ".csv":
-        tables = {id: files(id)["csv"] for id in ids() if "csv" in files(id)}
-        named = [id for id in tables if tables[id].read_bytes() == content]
-    elif kind == ".png":
-        chunk = re.search(rb"(.{4})tEXtTitle\0", content, re.DOTALL)
-        size = int.from_bytes(chunk[1]) - len(b"Title\0") if chunk else 0
-        named = [content[chunk.end() : chunk.end() + size].decode("latin-1")] if chunk else []
-    else:
-        found = re.findall(_PLACES.get(kind, rb"(?!)"), content, re.MULTILINE)
-        named = [text.decode("utf-8", "replace") for text in found]
-    known = [id for id in named if re.fullmatch(r"\w+/\w+", id)]
-    if not known or known[0].partition("/")[0] not in pages.notebooks():
+        tables = (files(id).get("csv") for id in ids())
+        same = (table for table in tables if table and table.read_bytes() == content)
+        id = next((f"{table.parent.name}/{table.stem}" for table in same), "")
+    elif found := re.search(_PLACES.get(kind, rb"(?!)"), content, re.MULTILINE):
+        *length, text = found.groups()
+        id = text[: length[0][0] - len("Title\0") if length else None].decode()
+    if id.partition("/")[0] not in pages.notebooks():
         why = "a picture carries its id, a CSV must be one of those in figures/"
         raise ValueError(f"{file}: no product of this repository ({why})")
-    return known[0]
+    return id
 
 
 def which(file):
@@ -336,18 +330,16 @@ def which(file):
     id = embedded(file)
     if id in (old := retired()):
         return f"{old[id]}\n", False
-    paper = id.partition("/")[0]
-    kept = paths.figures() / f"{id}{file.suffix.lower()}"
+    paper, kept = id.partition("/")[0], paths.figures() / f"{id}{file.suffix.lower()}"
     same = kept.is_file() and kept.read_bytes() == file.read_bytes()
     about = _record_of(file, id) or (_record_of(kept, id) if same else {})
     now, made = pages.digest(paper), about.get("digest", "")
     copy = "the same bytes as" if same else "differs from" if kept.is_file() else "there is no"
     caption = (about or _record_of(kept, id)).get("caption")
-    state = f"stale: made by the sources {made}, the present ones are {now}"
-    if not about:
-        state = "made by a run whose record is not here"
-    elif made == now:
-        state = f"current: made by the present sources ({made})"
+    state = "made by a run whose record is not here"
+    if about:
+        stale = f"stale: made by the sources {made}, the present ones are {now}"
+        state = f"current: made by the present sources ({made})" if made == now else stale
     again = f"make it again: {about.get('remake', f'tbdcore run {paper}')}"
     lines = filter(None, (id, caption, state, f"{copy} {_relative(kept)}", again))
     return "\n  ".join(lines) + "\n", not about or made == now

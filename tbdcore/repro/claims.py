@@ -1,8 +1,8 @@
 """Published numbers, our numbers, and what may be said of the two.
 
-``data/claims/<paper>.csv`` lists everything a paper publishes, one row each.  All values are read
-as text: "287.10" says that its last digit is a hundredth, the number 287.1 does not.  A notebook
-opens a ledger for its paper and enters one verdict for each row:
+``data/claims/<paper>.csv`` lists everything a paper publishes, one row each, as text: "287.10" says
+that its last digit is a hundredth.  A notebook opens a ledger for its paper and enters one verdict
+for each row; ``judge`` and ``judge_margins`` hold the statistic:
 
 ================  ===========================================================================
 ``reproduced``    the print lies within the chance of both runs, and we know the value at
@@ -17,26 +17,19 @@ opens a ledger for its paper and enters one verdict for each row:
 ``used``          an input: the parameter the code runs with equals the printed one
 ================  ===========================================================================
 
-``judge`` and ``judge_margins`` hold the statistic.  Beside each verdict stands its *evidence*:
-``measured`` (the experiment could have come out the other way), ``calibrated`` (an unprinted
-choice was made with this number, or another of its column, in view), ``constructed`` (follows
-from definitions, arithmetic or the page's own assumptions), ``repeats <id>`` (the same
-measurement as another row).  Only measured rows make the headline.
+The *evidence* of a verdict is ``measured`` (the experiment could have come out the other way),
+``calibrated`` (an unprinted choice was made with this number, or another of its column, in view),
+``constructed`` (follows from definitions, arithmetic or the page's own assumptions) or
+``repeats <id>`` (the same measurement as another row).  Only measured rows make the headline.
 
-The *rule* of a row says in a sentence what is measured and on which trials, and gives the numbers
-of the judgement as ``; name = number``.  Four of them are used here: ``runs``, the paper's number
-of runs; ``null``, the value of "no effect"; ``step``, the smallest difference the print could
-show where its digits do not say; ``half``, the half digit of a printed bound that has no number in
-its value.  The others are a page's: ``Ledger.number(id, "tolerance")``.  Rules were declared
-before measuring; ``data/claims/CHANGES.md`` lists those that changed afterwards.  The measured
-quantity and the margin of the others are unchanged since they were first measured; their statistic
-is that of the second edition.
+The *rule* of a row says what is measured and on which trials, and gives the numbers of the
+judgement as ``; name = number``: ``runs``, the paper's number of runs; ``null``, the value of "no
+effect"; ``step``, the smallest difference the print could show where its digits do not say;
+``half``, the half digit of a printed bound without a number; others are a page's.  Rules were
+declared before measuring; ``data/claims/CHANGES.md`` lists those that changed.
 
 What a paper leaves open is a *reading*: ``data/readings.csv`` lists the words, the options, the
 default and the rows that it touches.  Each other option is flown on the scenes of the default.
-
-The ledger is complete or it fails: every row once; in a default run a cause for each ``differs``
-and for nothing else.
 """
 
 import csv
@@ -57,22 +50,14 @@ KINDS = ("input", "number", "ordering", "trend", "bound", "statement")
 JUDGED = ("reproduced", "differs", "depends", "inconclusive")
 VERDICTS = (*JUDGED, "untestable", "used")
 EVIDENCE = ("measured", "calibrated", "constructed", "repeats")
+_SIZES = {"length": {"m": 1.0, "km": 1e3}, "angle": {"rad": 1.0, "deg": math.pi / 180}}
+_SIZES |= {"frequency": {"Hz": 1.0, "MHz": 1e6, "GHz": 1e9}, "ratio": {"%": 0.01}}
+_SIZES |= {unit: {unit: 1.0} for unit in ("dB", "s", "m/s", "rad/s")}
 _COUNTED = """-;cells;cell;frame;frames;particles;runs;trials;power;scans (about);not printed;\
 cells/frame;cell/s;1/m^2 (inferred);1/rad^2 (inferred)"""
-_DIMENSIONS = {
-    "number": dict.fromkeys(["", *_COUNTED.split(";")], 1.0),
-    "ratio": {"%": 0.01},
-    "level": {"dB": 1.0},
-    "length": {"m": 1.0, "km": 1e3},
-    "time": {"s": 1.0},
-    "speed": {"m/s": 1.0},
-    "frequency": {"Hz": 1.0, "MHz": 1e6, "GHz": 1e9},
-    "angle": {"rad": 1.0, "deg": math.pi / 180},
-    "turn rate": {"rad/s": 1.0},
-}
-UNITS = {  # printed unit: (dimension, size in the unit the code would use)
-    unit: (name, size) for name, units in _DIMENSIONS.items() for unit, size in units.items()
-}
+_SIZES["number"] = dict.fromkeys(["", *_COUNTED.split(";")], 1.0)
+# printed unit: (dimension, size in the unit the code would use)
+UNITS = {unit: (name, size) for name, units in _SIZES.items() for unit, size in units.items()}
 LEVEL = 2.6  # standard errors of a normal law beyond which a difference is no chance
 
 
@@ -96,19 +81,24 @@ COLUMNS = Claim._fields
 
 
 class Reading(NamedTuple):
-    """One row of data/readings.csv: words of a paper that can be read in several ways."""
+    """One row of data/readings.csv, all text: words of a paper that can be read in several ways."""
 
     chapter: str
     name: str
     words: str  # or the gap
-    options: list
+    options: str  # with ; between them
     default: str
-    rows: list  # ids of the claims that it touches
-    refuted: dict  # option -> why the paper's other numbers exclude it
+    rows: str  # the claims that it touches, as patterns with ; between them
+    refuted: str  # option: why the paper's other numbers exclude it; and so on
 
     def others(self):
         """The options that are flown beside the default."""
-        return [each for each in self.options if each != self.default and each not in self.refuted]
+        out = {self.default, *(each.partition(":")[0] for each in _items(self.refuted))}
+        return [option for option in _items(self.options) if option not in out]
+
+    def touches(self, id):
+        """Whether a claim is judged under the options."""
+        return any(fnmatchcase(id, pattern) for pattern in _items(self.rows))
 
 
 class Option(NamedTuple):
@@ -121,16 +111,6 @@ class Option(NamedTuple):
     n: int | None = None  # trials
 
 
-class Judgement(NamedTuple):
-    """What a measurement says of a claim, before it is written down."""
-
-    verdict: str
-    text: str = ""  # the number or margin
-    se: float = 0.0
-    z: float = math.nan
-    sign_probability: float = math.nan
-
-
 class Verdict(NamedTuple):
     """One row of verdicts.csv, all text."""
 
@@ -138,15 +118,15 @@ class Verdict(NamedTuple):
     item: str
     quantity: str
     published: str
-    measured: str
-    se: str  # standard error of `measured`, or of its margin
-    n: str  # trials
-    z: str  # distance from the print, or the least margin, in standard errors
-    sign_probability: str  # that the paper's own runs print this order, if it is not reproduced
-    verdict: str  # one of VERDICTS
-    readings: str  # how many options reproduce it, and what each gives
-    evidence: str
-    cause: str  # why it differs or is untestable
+    measured: str = ""
+    se: str = ""  # standard error of `measured`, or of its margin
+    n: str = ""  # trials
+    z: str = ""  # distance from the print, or the least margin, in standard errors
+    sign_probability: str = ""  # that the paper's own runs print this order, if not reproduced
+    verdict: str = ""  # one of VERDICTS
+    readings: str = ""  # how many options reproduce it, and what each gives
+    evidence: str = ""
+    cause: str = ""  # why it differs or is untestable
 
     def __repr__(self):
         spread = f" ± {self.se}" if self.se else ""
@@ -164,38 +144,36 @@ def papers(folder=None):
 
 
 def read(paper, folder=None):
-    """Claims of a paper by id.
-
-    Raises FileNotFoundError when the paper has no file, and ValueError, naming file, row and
-    column, for one that a spreadsheet has touched or a row that breaks the rules above.
-    """
+    """Claims of a paper by id; ValueError as :func:`records` raises, FileNotFoundError."""
     path = (folder or paths.CLAIMS) / f"{paper}.csv"
     if not path.is_file():
         known = ", ".join(papers(folder))
         raise FileNotFoundError(f"{path.name}: no claims file under data/claims; papers: {known}")
-    claims = records(path, Claim, _complaints)
+    claims = records(path, Claim, _claim_faults)
     for number, claim in enumerate(claims.values(), start=2):
-        word, _, original = claim.evidence.partition(" ")
-        known = claims.get(original)
-        if word == "repeats" and (known is None or known.evidence.startswith("repeats")):
-            wrong = "repeats another row itself" if known else "is no row"
-            raise fault(path.name, number, "evidence", f"{original!r} {wrong}; name the original")
+        word, _, id = claim.evidence.partition(" ")
+        if word == "repeats" and (id not in claims or claims[id].evidence.startswith(word)):
+            advice = f"{id!r} is no row or repeats one itself; name the original"
+            raise fault(path.name, number, "evidence", advice)
     return claims
 
 
-def records(path, kind, complaints, name=lambda row: row.id):
-    """The rows of a CSV file as named tuples of text by their names; none if there is no file.
+def records(path, kind, faults, key=lambda row: row.id):
+    """The rows of a CSV file as named tuples of text by their keys; none if there is no file.
 
-    `complaints` of a row are pairs of a column and what is wrong in it.  Raises ValueError, naming
-    file, row and column, for a row that has any or is there twice, and as :func:`rows` does.
+    `faults` gives for a row what can be wrong: column, whether it is, and what to do.  Raises
+    ValueError, naming file, row and column, for the first one that is, a row that is there twice,
+    and as :func:`rows` does.
     """
     found = {}
     listed = rows(path, kind._fields) if path.is_file() else []
     for number, row in enumerate(map(kind._make, listed), start=2):
-        twice = [("", f"{name(row)!r} stands there twice")] if name(row) in found else []
-        for column, wrong in (*complaints(row), *twice):
-            raise fault(path.name, number, column, wrong)
-        found[name(row)] = row
+        for column, wrong, advice in faults(row):
+            if wrong:
+                raise fault(path.name, number, column, f"{getattr(row, column)!r}; {advice}")
+        if key(row) in found:
+            raise fault(path.name, number, "", f"{key(row)!r} stands there twice")
+        found[key(row)] = row
     return found
 
 
@@ -207,31 +185,24 @@ def fault(name, number, column, wrong):
 def rows(path, columns):
     """The rows of a CSV file as lists of text.
 
-    Raises ValueError, naming file, row and column, when the file is none, has other columns or an
-    incomplete row, or has been saved by a spreadsheet program.
+    Raises ValueError, naming file, row and column, when it has been saved by a spreadsheet program,
+    is no CSV, or has other columns or an incomplete row.
     """
-    raw, name = path.read_bytes(), path.name
-    repair = "save it as plain CSV: UTF-8 without byte-order mark, LF line ends, commas"
-    try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line, wrong = raw[: error.start].count(b"\n") + 1, f"byte {raw[error.start]:#x}"
-        raise fault(name, line, "", f"not UTF-8 ({wrong}); {repair}") from None
-    for mark, wrong in (("\ufeff", "a byte-order mark"), ("\r", "CR")):
-        if mark in text:
-            line = text[: text.index(mark)].count("\n") + 1
-            raise fault(name, line, columns[0], f"there is {wrong} in the line; {repair}")
+    text, name = path.read_bytes().decode("utf-8", "surrogateescape"), path.name
+    if odd := re.search("[\ufeff\r\udc80-\udcff]", text):
+        wrong = {"\ufeff": "a byte-order mark", "\r": "CR"}.get(odd[0], "a byte that is not UTF-8")
+        advice = "save it as plain CSV: UTF-8 without byte-order mark, LF line ends, commas"
+        raise fault(name, text.count("\n", 0, odd.start()) + 1, "", f"{wrong}; {advice}")
     reader = csv.reader(io.StringIO(text), strict=True)
     try:
         header, *found = list(reader) or [[]]
     except csv.Error as error:
-        wrong = f"{error}; look for a quotation mark without its partner"
-        raise fault(name, reader.line_num, "", wrong) from None
-    wanted = f"the header is {','.join(columns)}"
-    if missing := [column for column in columns if column not in header]:
-        raise fault(name, 1, missing[0], f"missing; {wanted}")
+        advice = "look for a quotation mark without its partner"
+        raise fault(name, reader.line_num, "", f"{error}; {advice}") from None
     if header != list(columns):
-        raise fault(name, 1, "", f"the columns are {','.join(header)}; {wanted}")
+        missing = next((column for column in columns if column not in header), "")
+        wrong = f"the columns are {','.join(header)}; make them {','.join(columns)}"
+        raise fault(name, 1, missing, wrong)
     for number, row in enumerate(found, start=2):
         if len(row) != len(columns):
             wrong = f"{len(row)} fields instead of {len(columns)}; quote fields with commas"
@@ -242,47 +213,38 @@ def rows(path, columns):
 _DIFFERENCE = re.compile(r"\b(gain|loss|saving|advantage|reduction|ratio|difference)\b")
 
 
-def _complaints(claim):
-    """Column and fault of everything that is wrong in a row."""
-    for column, allowed in (("kind", KINDS), ("unit", UNITS)):
-        if (found := getattr(claim, column)) not in allowed:
-            yield column, f"{found!r} is unknown; known are {', '.join(filter(None, allowed))}"
-    for column in ("id", "quantity", "value"):
-        if not getattr(claim, column).strip():
-            yield column, "empty"
-    number, rule = claim.kind == "number", numbers(claim.rule)
-    if re.fullmatch(r"[+-]?\d+,\d+", claim.value):
-        yield "value", f"{claim.value!r} has a decimal comma; write a point"
-    if number and claim.value != "N/A" and not is_number(claim.value):
-        yield "value", f"{claim.value!r} is no number; kind number needs one"
-    if claim.evidence and claim.evidence.split(" ")[0] not in EVIDENCE:
-        yield "evidence", f"{claim.evidence!r} is unknown; known are {', '.join(EVIDENCE)} <id>"
-    if bool(claim.rule) != bool(claim.evidence):
-        column = "rule" if claim.evidence else "evidence"
-        yield column, "empty; a row that is judged has both"
-    if claim.kind == "input" and claim.rule:
-        yield "rule", "an input has none; it is compared with what the code uses"
-    if claim.rule and number and _DIFFERENCE.search(claim.quantity.lower()) and "null" not in rule:
-        yield "rule", "a gain, loss, ratio or difference names its null value: ; null = 0"
-    if claim.rule.count(" = ") != len(rule):
-        yield "rule", "an item is no number; write ; name = number"
+def _claim_faults(it):
+    """What can be wrong in a row of a claims file: column, whether it is, and what to do."""
+    units, evidence = ", ".join(filter(None, UNITS)), ", ".join(EVIDENCE)
+    number, rule, word = it.kind == "number", numbers(it.rule), it.evidence.partition(" ")[0]
+    gain = number and it.rule and _DIFFERENCE.search(it.quantity.lower())
+    return [
+        *(
+            (name, not getattr(it, name).strip(), "write it down")
+            for name in ("id", "quantity", "value")
+        ),
+        ("kind", it.kind not in KINDS, f"known are {', '.join(KINDS)}"),
+        ("unit", it.unit not in UNITS, f"known are {units}"),
+        ("value", re.fullmatch(r"[+-]?\d+,\d+", it.value), "write a point for the decimal comma"),
+        ("value", number and not _PRINTED.fullmatch(it.value), "give a number, or N/A"),
+        ("evidence", word not in ("", *EVIDENCE), f"known are {evidence} <id>"),
+        ("evidence", it.rule and not word, "a row that is judged has both"),
+        ("rule", word and not it.rule, "a row that is judged has both"),
+        ("rule", it.kind == "input" and it.rule, "an input has none"),
+        ("rule", gain and "null" not in rule, "a gain or ratio names its null value: ; null = 0"),
+        ("rule", it.rule.count(" = ") != len(rule), "write each item as ; name = number"),
+    ]
 
 
 def readings(paper, folder=None):
     """Readings of a paper by name, from the file beside the folder of the claims.
 
-    Raises ValueError, naming file, row and column, for a damaged file, an unknown chapter, a
-    default or a refuted option that is not among the options, and rows that do not exist.
+    Raises ValueError as :func:`records` does.
     """
     path = (folder or paths.CLAIMS).parent / "readings.csv"
-    listed = records(path, Reading, partial(_doubts, folder), lambda row: (row.chapter, row.name))
-    found = {}
-    for reading in (row for row in listed.values() if row.chapter == paper):
-        options, patterns, refuted = map(_items, (reading.options, reading.rows, reading.refuted))
-        touched = [id for id in read(paper, folder) if _any(id, patterns)]
-        refuted = dict(re.split(": *", each, maxsplit=1) for each in refuted)
-        found[reading.name] = reading._replace(options=options, rows=touched, refuted=refuted)
-    return found
+    faults = partial(_reading_faults, folder)
+    listed = records(path, Reading, faults, lambda row: (row.chapter, row.name)).values()
+    return {row.name: row for row in listed if row.chapter == paper}
 
 
 def _items(text):
@@ -290,35 +252,25 @@ def _items(text):
     return [part.strip() for part in text.split(";") if part.strip()]
 
 
-def _any(id, patterns):
-    return any(fnmatchcase(id, pattern) for pattern in patterns)
-
-
-def _doubts(folder, row):
-    """Column and fault of everything that is wrong in a row of readings.csv."""
-    if row.chapter not in papers(folder):
-        near = nearest(row.chapter, papers(folder))
-        yield "chapter", f"{row.chapter!r} is no paper; the nearest is {near!r}"
-        return
-    ids, options = list(read(row.chapter, folder)), _items(row.options)
-    known = ", ".join(options)
-    for column in ("name", "words", "rows"):
-        if not getattr(row, column).strip():
-            yield column, "empty"
-    if len(options) < 2 or len({*options}) < len(options):
-        yield "options", f"give two or more, each once, with ; between them, not {known!r}"
-    if row.default not in options:
-        yield "default", f"{row.default!r} is none of the options {known}"
-    for each in _items(row.rows):
-        if not any(_any(id, [each]) for id in ids):
-            yield "rows", f"{each!r} is no claim; the nearest is {nearest(each, ids)!r}"
-    for each in _items(row.refuted):
-        option, _, why = each.partition(":")
-        if option not in options or option == row.default or not why.strip():
-            yield (
-                "refuted",
-                f"{each!r}; write option: reason, the option one of {known}, no default",
-            )
+def _reading_faults(folder, it):
+    """What can be wrong in a row of readings.csv: column, whether it is, and what to do."""
+    known, options = papers(folder), _items(it.options)
+    ids = list(read(it.chapter, folder)) if it.chapter in known else []
+    lost = [each for each in _items(it.rows) if not any(fnmatchcase(id, each) for id in ids)]
+    excluded = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
+    excluded = [each and each[1] in options and each[1] != it.default for each in excluded]
+    near, claim = nearest(it.chapter, known), nearest("".join(lost[:1]), ids)
+    return [
+        ("chapter", it.chapter not in known, f"the nearest paper is {near!r}"),
+        *(
+            (name, not getattr(it, name).strip(), "write it down")
+            for name in ("name", "words", "rows")
+        ),
+        ("options", len({*options}) < max(2, len(options)), "give two or more, each once, with ;"),
+        ("default", it.default not in options, f"choose one of {it.options}"),
+        ("rows", lost, f"no claim is {lost}; the nearest is {claim!r}"),
+        ("refuted", not all(excluded), f"write option: reason; one of {it.options}, no default"),
+    ]
 
 
 _ITEM = re.compile(r"; ?([a-z][a-z ]*) = ([+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?)(?![\w.])")
@@ -334,7 +286,7 @@ def rule_digest(rule):
     return hashlib.sha256(rule.encode()).hexdigest()[:8]
 
 
-_NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?")
+_PRINTED = re.compile(r"(?:10\^)?[+-]?\d+(?:\s\d{3})*(?:\.(\d*))?(?:[eE][+-]?\d+)?%?|N/A")
 
 
 def parse(text):
@@ -346,22 +298,12 @@ def parse(text):
     >>> parse("287.10")
     (287.1, 0.005)
     """
-    plain = re.sub(r"(?<=\d)[\s\u2009\u202f\u00a0](?=\d{3})", "", text.strip()).removesuffix("%")
-    if match := re.fullmatch(r"10\^([+-]?\d+)", plain):
-        return 10.0 ** int(match[1]), 0.5 * 10.0 ** int(match[1])
-    if not _NUMBER.fullmatch(plain):
+    match = _PRINTED.fullmatch(text.strip())
+    if not match or text == "N/A":
         raise ValueError(f"{text!r} is no number")
-    mantissa, _, exponent = plain.lower().partition("e")
-    decimals = len(mantissa.partition(".")[2])
-    return float(plain), 0.5 * 10.0 ** (int(exponent or 0) - decimals)
-
-
-def is_number(text):
-    """Whether :func:`parse` understands a text."""
-    try:
-        return bool(parse(text))
-    except ValueError:
-        return False
+    plain = re.sub(r"[\s%]", "", text).replace("10^", "1e").lower()
+    exponent, decimals = int(plain.partition("e")[2] or 0), len(match[1] or "")
+    return float(plain), 0.5 * 10.0 ** (exponent - decimals)
 
 
 # The statistic -------------------------------------------------------------------------------
@@ -480,11 +422,8 @@ class Ledger:
 
     def number(self, id, name):
         """A number of a row's rule; ValueError, with the nearest name, when it has none."""
-        known = numbers(self._claim(id).rule)
-        if name not in known:
-            advice = f"the nearest is {nearest(name, known)!r}"
-            raise self._error(f"the rule of {id} has no {name!r}; {advice}")
-        return known[name]
+        claim = self._named(id, self.claims, "claim")
+        return self._named(name, numbers(claim.rule), f"number in the rule of {id},")
 
     def check(self, id, measured, *, se=0.0, n=None, shown="", reached=False, readings=None):
         """Judge a claim by its rule; see :func:`judge` and :func:`judge_margins`.
@@ -497,79 +436,77 @@ class Ledger:
         reading that touches the row, ``{name: {option: Option(...)}}``.
         """
         claim = self._open(id)
-        if claim.kind == "input":
-            advice = "enter it with used(id, value) or untestable(id, reason)"
-            raise self._error(f"{id} is an input; {advice}")
         if not claim.rule:
-            raise self._error(f"{id} has no rule in data/claims/{self.paper}.csv")
-        found = self.judged(claim, measured, se, n, reached)
-        if not (shown or found.text):
+            advice = "enter it with used(id, value) or untestable(id, reason)"
+            raise self._error(f"{id} has no rule in data/claims/{self.paper}.csv; {advice}")
+        row = self.judged(claim, measured, se, n, reached)
+        if not (shown or row.measured):
             raise self._error(f"{id}: a truth value needs shown=, its evidence in words")
-        if not shown or claim.kind != "number" and found.se and "margin" not in shown:
-            shown = "; ".join(filter(None, (shown, found.text)))
-        verdict, told = found.verdict, ""
-        if readings or (self._measured(claim) and any(self.options(claim).values())):
-            verdict, told = self._compared(claim, verdict, readings or {}, reached)
-        return self._enter(claim, verdict, shown, found, n, told)
+        if not shown or claim.kind != "number" and row.se and "margin" not in shown:
+            shown = "; ".join(filter(None, (shown, row.measured)))
+        if readings or (self._measured(claim) and self.options(claim)):
+            row = self._compared(claim, row, readings or {}, reached)
+        return self._enter(claim, row._replace(measured=shown))
 
-    def judged(self, claim, measured, se, n, reached=False):
-        """What a measurement says of a claim."""
-        rule = numbers(claim.rule)
+    def judged(self, claim, measured, se=0.0, n=None, reached=False):
+        """The verdict on a claim by what was measured alone."""
+        row, rule = _row(claim, n="" if n is None else str(int(n))), numbers(claim.rule)
         if isinstance(measured, bool | np.bool_):
             if claim.kind == "number":
                 raise self._error(f"{claim.id} is a number; give the measured value")
-            return Judgement("reproduced" if measured else "differs")
+            return row._replace(verdict="reproduced" if measured else "differs")
         if claim.kind == "number":
-            value, se = float(measured), float(se)
-            published, half = parse(claim.value)
+            value, se, chance = float(measured), float(se), math.nan
+            printed, half = parse(claim.value)
             half = 0.5 * rule["step"] if "step" in rule else half
-            verdict, z = judge(published, half, value, se, n, rule.get("runs"), rule.get("null"))
-            return Judgement(verdict, digits(value, se), se, z)
-        bound = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value) if claim.kind == "bound" else None
-        half = rule["half"] if "half" in rule else parse(bound[1])[1] if bound else 0.0
-        margins = np.atleast_1d(measured).astype(float) + half  # which relaxes a printed bound
-        verdict, i = judge_margins(margins, se, n, reached)
-        margin, se = margins[i], float(np.broadcast_to(se, margins.shape)[i])
-        text = f"{'least ' if margins.size > 1 else ''}margin {digits(margin, se)}"
-        chance = sign_probability(margin, se, n, rule.get("runs", self.runs))
-        z = margin / se if se else math.nan
-        return Judgement(verdict, text, se, z, math.nan if verdict == "reproduced" else chance)
+            verdict, z = judge(printed, half, value, se, n, rule.get("runs"), rule.get("null"))
+            text = digits(value, se)
+        else:
+            margins = np.atleast_1d(measured).astype(float) + _relief(claim, rule)
+            verdict, i = judge_margins(margins, se, n, reached)
+            margin, se = margins[i], float(np.broadcast_to(se, margins.shape)[i])
+            text = f"{'least ' if margins.size > 1 else ''}margin {digits(margin, se)}"
+            z = margin / se if se else math.nan
+            chance = sign_probability(margin, se, n, rule.get("runs", self.runs))
+        row = row._replace(verdict=verdict, measured=text, se=f"{se:.2g}" if se else "")
+        if verdict != "reproduced" and not math.isnan(chance):
+            row = row._replace(sign_probability="< 1e-9" if chance < 1e-9 else f"{chance:.2g}")
+        return row._replace(z=f"{z:.1f}" if se and math.isfinite(z) else "")
 
     def options(self, claim):
         """The options beside the default that a row is flown under, by reading."""
-        return {name: it.others() for name, it in self.readings.items() if claim.id in it.rows}
+        found = {it.name: it.others() for it in self.readings.values() if it.touches(claim.id)}
+        return {name: others for name, others in found.items() if others}
 
-    def _compared(self, claim, verdict, readings, reached):
-        """Verdict on a claim under several readings, and what each option gives, in words."""
-        self._complete(claim, readings)
+    def _compared(self, claim, row, readings, reached):
+        """A verdict under the default and what the other options make of it.
+
+        Raises ValueError unless exactly the options that the row needs are given.
+        """
+        wanted, given = (
+            "; ".join(f"{name}: {', '.join(sorted(each))}" for name, each in sorted(it.items()))
+            for it in (self.options(claim), readings)
+        )
+        if wanted != given:
+            wrong = f"readings.csv has the other options {wanted or 'none'}"
+            raise self._error(f"{claim.id}: {wrong}; given are {given or 'none'}")
+        only = next(iter(readings)) if len(readings) == 1 else ""
+        every = {self.readings[only].default if only else "default": row.verdict}
         flown = [(name, option) for name, options in readings.items() for option in options]
-        names = ["default", *map(" ".join, flown)]
-        if len(readings) == 1:
-            names = [self.readings[next(iter(readings))].default, *(option for _, option in flown)]
         options = [readings[name][option] for name, option in flown]
-        others = [self.judged(claim, it.measured, it.se, it.n, reached).verdict for it in options]
-        every = [verdict, *others]
-        each = ", ".join(map(" ".join, zip(names, every, strict=True)))
-        if self._measured(claim) and differs_between(verdict, others, options):
-            verdict = "depends"
-        return verdict, f"{every.count('reproduced')} of {len(every)}: {each}"
+        for words, it in zip(flown, options, strict=True):
+            found = self.judged(claim, it.measured, it.se, it.n, reached)
+            every[" ".join(words).removeprefix(f"{only} ")] = found.verdict
+        verdicts = [*every.values()]
+        told = ", ".join(map(" ".join, every.items()))
+        row = row._replace(readings=f"{verdicts.count('reproduced')} of {len(every)}: {told}")
+        depends = self._measured(claim) and differs_between(row.verdict, verdicts[1:], options)
+        return row._replace(verdict="depends") if depends else row
 
     def _measured(self, claim):
         """Whether a claim is measured, or repeats one that is."""
         original = claim.evidence.removeprefix("repeats ")
         return "measured" in (original, getattr(self.claims.get(original), "evidence", ""))
-
-    def _complete(self, claim, readings):
-        """Raise ValueError unless exactly the options that a row needs are given."""
-        wanted = self.options(claim)
-        for name in (*readings, *wanted):
-            if name not in wanted:
-                near = f"the nearest is {nearest(name, self.readings)!r}"
-                raise self._error(f"{claim.id}: readings.csv has no {name!r} for this row; {near}")
-            given, others = (", ".join(sorted(each.get(name, ()))) for each in (readings, wanted))
-            if given != others:
-                wrong = f"the other options are {others or 'none'}, given are {given or 'none'}"
-                raise self._error(f"{claim.id}: of reading {name!r} {wrong}")
 
     def used(self, id, value, unit=None):
         """Compare the parameter the code runs with to the printed input.
@@ -585,7 +522,7 @@ class Ledger:
             printed = f"the paper prints {claim.value!r} {claim.unit}"
             raise self._error(f"{id}: the code runs with {value!r} {unit or ''}, {printed}")
         shown = _plain(value) + (f" {unit}" if unit else "")
-        return self._enter(claim, "used" if same else "differs", shown)
+        return self._enter(claim, _row(claim, shown, verdict="used" if same else "differs"))
 
     def inputs(self, scenario):
         """Enter every field of a dataclass made by ``tbdcore.scenario.given``; the symbol table."""
@@ -594,10 +531,9 @@ class Ledger:
         table = []
         for field in dataclasses.fields(scenario):
             value, about = getattr(scenario, field.name), field.metadata
-            row, where = about["row"], "open"
-            if row != "open":
+            if (row := about["row"]) != "open":
                 self.used(row, value, about["unit"])
-                where = self.claims[row].where
+            where = self.claims[row].where if row != "open" else row
             table.append((f"${about['symbol']}$", field.name, _plain(value), about["unit"], where))
         return pd.DataFrame(table, columns=["symbol", "code", "value", "unit", "where"])
 
@@ -608,7 +544,7 @@ class Ledger:
             raise self._error(f"{id}: untestable needs its reason")
         if claim.rule and self.strict:
             raise self._error(f"{id} is untestable, so its rule has to go")
-        return self._enter(claim, "untestable", cause=reason)
+        return self._enter(claim, _row(claim, verdict="untestable", cause=reason))
 
     def table(self):
         """All verdicts in the order of the claims file, as a frame.
@@ -618,8 +554,7 @@ class Ledger:
         """
         import pandas as pd
 
-        missing = [id for id in self.claims if id not in self.verdicts]
-        if missing:
+        if missing := [id for id in self.claims if id not in self.verdicts]:
             count = f"{len(missing)} of {len(self.claims)}"
             raise self._error(f"no verdict on {count} claims: {', '.join(missing)}")
         wrong = [text for id in self.verdicts if self.strict and (text := self._wrong(id))]
@@ -629,15 +564,14 @@ class Ledger:
 
     def _wrong(self, id):
         """What is wrong with cause or evidence of a verdict, in words; empty when nothing is."""
-        verdict, claim = self.verdicts[id], self.claims[id]
-        if verdict.verdict == "differs" and not claim.cause:
-            return f"{id} differs and the file gives no cause ({verdict!r})"
-        if verdict.verdict != "differs" and claim.cause:
-            return f"{id} is {verdict.verdict} but the file gives a cause for a difference"
-        word, _, original = claim.evidence.partition(" ")
-        if word == "repeats" and self.verdicts[original].verdict != verdict.verdict:
-            other = self.verdicts[original].verdict
-            return f"{id} is {verdict.verdict} but repeats {original}, which is {other}"
+        row, claim = self.verdicts[id], self.claims[id]
+        if row.verdict == "differs" and not claim.cause:
+            return f"{id} differs and the file gives no cause ({row!r})"
+        if row.verdict != "differs" and claim.cause:
+            return f"{id} is {row.verdict} but the file gives a cause for a difference"
+        original = self.verdicts.get(claim.evidence.removeprefix("repeats "), row)
+        if original.verdict != row.verdict:
+            return f"{id} is {row.verdict} but repeats {original.id}, which is {original.verdict}"
         return ""
 
     def summary(self):
@@ -648,36 +582,34 @@ class Ledger:
     def _error(self, wrong):
         return ValueError(f"{self.paper}: {wrong}")
 
-    def _claim(self, id):
-        if id not in self.claims:
-            raise self._error(f"no claim {id!r}; the nearest is {nearest(id, self.claims)!r}")
-        return self.claims[id]
-
     def _open(self, id):
         """The claim of an id that has no verdict yet."""
         if id in self.verdicts:
             raise self._error(f"{id} is checked twice")
-        return self._claim(id)
+        return self._named(id, self.claims, "claim")
 
-    def _enter(self, claim, verdict, shown="", found=None, n=None, told="", cause=""):
-        if verdict == "differs":
-            cause = claim.cause if claim.kind != "input" else "parameter changed in this run"
-        found, chance = found or Judgement(verdict), ""
-        if not math.isnan(found.sign_probability):
-            least = found.sign_probability < 1e-9
-            chance = "< 1e-9" if least else f"{found.sign_probability:.2g}"
-        self.verdicts[claim.id] = Verdict(
-            *(claim.id, claim.item, claim.quantity, published(claim), shown),
-            se=f"{found.se:.2g}" if found.se else "",
-            n="" if n is None else str(int(n)),
-            z=f"{found.z:.1f}" if found.se and math.isfinite(found.z) else "",
-            sign_probability=chance,
-            verdict=verdict,
-            readings=told,
-            evidence=claim.evidence if verdict in JUDGED else "",
-            cause=cause,
-        )
-        return self.verdicts[claim.id]
+    def _named(self, name, known, kind):
+        if name not in known:
+            raise self._error(f"no {kind} {name!r}; the nearest is {nearest(name, known)!r}")
+        return known[name]
+
+    def _enter(self, claim, row):
+        if row.verdict == "differs":
+            changed = "parameter changed in this run"
+            row = row._replace(cause=changed if claim.kind == "input" else claim.cause)
+        row = row._replace(evidence=claim.evidence if row.verdict in JUDGED else "")
+        self.verdicts[claim.id] = row
+        return row
+
+
+def _row(claim, measured="", **texts):
+    return Verdict(claim.id, claim.item, claim.quantity, published(claim), measured, **texts)
+
+
+def _relief(claim, rule):
+    """The half digit of a printed bound, by which its margin is relaxed."""
+    bound = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value) if claim.kind == "bound" else None
+    return rule["half"] if "half" in rule else parse(bound[1])[1] if bound else 0.0
 
 
 def published(claim):
@@ -732,24 +664,21 @@ def verdicts(paper, folder=None):
     if not path.is_file():
         raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: {again}")
     try:
-        table = pd.DataFrame(rows(path, Verdict._fields), columns=Verdict._fields)
+        found = [Verdict(*row) for row in rows(path, Verdict._fields)]
     except ValueError as error:
         wrong = f"no table of verdicts ({error})"
         raise ValueError(f"{path}: {wrong}; make it anew: {again}") from None
     known = read(paper)
-    if list(table["id"]) != list(known):
-        odd = ", ".join(sorted(set(table["id"]) ^ set(known))) or "their order"
+    if [row.id for row in found] != list(known):
+        odd = ", ".join(sorted({row.id for row in found} ^ {*known})) or "their order"
         files = f"verdicts.csv and data/claims/{paper}.csv"
         raise ValueError(f"{paper}: {files} do not match in {odd}; run {again}")
-    for number, row in enumerate(table.itertuples(), start=2):
-        claim = known[row.id]
-        pairs = {"value": (published(claim), row.published)}
-        pairs["evidence"] = (claim.evidence, row.evidence or claim.evidence)
-        for column, (ours, theirs) in pairs.items():
-            if ours != theirs:
-                wrong = f"{ours!r}, but the verdict is on {theirs!r}; correct it, or run {again}"
-                raise fault(f"{paper}.csv", number, column, wrong)
-    return table
+    for number, (row, claim) in enumerate(zip(found, known.values(), strict=True), start=2):
+        if row.evidence not in ("", claim.evidence) or row.published != published(claim):
+            column = "value" if row.published != published(claim) else "evidence"
+            wrong = f"not that of the verdict, {row.published!r}, {row.evidence!r}"
+            raise fault(f"{paper}.csv", number, column, f"{wrong}; correct it, or run {again}")
+    return pd.DataFrame(found, columns=Verdict._fields)
 
 
 def ledger(folder=None):

@@ -1,10 +1,8 @@
 """Products as files: text of tables, writing, records, and the digest of what made them.
 
 A product is a set of files with one name, ``<paper>/<name>``.  Its JSON, the *record*, says what
-made it: caption, parameters, seed, trials, claims shown, package versions, and a digest of the
-*meaning* of its sources: the parsed code of the page and of the modules that it imports, and the
-claims file but for its causes.  Comments, docstrings, layout, text cells, the version number and
-the texts of messages do not count.
+made it: caption, parameters, seed, trials, claims shown, package versions, and a digest of its
+sources (``pages.digest``), of which the code counts by its :func:`meaning`.
 """
 
 import ast
@@ -74,140 +72,104 @@ def versions():
 
 @functools.cache
 def meaning(source):
-    """What a source computes: a canonical text of its syntax tree, the same on every Python.
+    """What a source computes: its syntax tree as text, the same on every Python.
 
-    Comments, docstrings, layout, ``__version__`` and the texts of messages do not count; everything
-    else does.  Fields that are empty are left out: which of them a node has depends on the version.
-
-    The text of a message is a string or f-string among the arguments of an exception that is
-    raised, of ``print`` or of ``warn``; or one assigned to a local name that its function uses in
-    such messages only.  The calls in an f-string count even there.
+    Comments, docstrings, layout, ``__version__`` and the texts of messages do not count.  Those are
+    strings and f-strings among the arguments of an exception that is raised, of ``print`` or of
+    ``warn``, or assigned to a local name that its function uses in such messages only; the calls
+    in an f-string count even there.
     """
-    tree = ast.parse(source)
-    functions = [node for node in ast.walk(tree) if isinstance(node, FUNCTIONS)]
-    said = [*_messages(tree), *(leaf for each in functions for leaf in _local_messages(each))]
-    return _walk(tree, {id(leaf) for leaf in said if _is_text(leaf)})
+    tree = ast.parse(re.sub("(?m)^__version__ = .*", "", source))
+    for call in (call for call in map(_message, ast.walk(tree)) if isinstance(call, ast.Call)):
+        call.args = [_silent(argument) for argument in call.args]
+        for keyword in call.keywords:
+            keyword.value = _silent(keyword.value)
+    for function in (node for node in ast.walk(tree) if isinstance(node, FUNCTIONS)):
+        _silence_locals(function)
+    for node in ast.walk(tree):
+        _strip(node)
+    return ast.dump(tree)
 
 
-def _walk(node, silent):
-    """Text of a node, or list of nodes; of those whose identity is in `silent` only the calls."""
-    if isinstance(node, list):
-        return "[" + ",".join(_walk(each, silent) for each in node) + "]"
-    if not isinstance(node, ast.AST):
-        return f"{type(node).__name__}:{node!r}"
-    if id(node) in silent:
-        return _walk([each for each in _down_to(CALLS, node) if isinstance(each, CALLS)], silent)
-    fields = dict(ast.iter_fields(node))
-    if isinstance(node, (ast.Module, ast.ClassDef, *FUNCTIONS)):
-        body = fields["body"][ast.get_docstring(node, clean=False) is not None :]
-        fields["body"] = [statement for statement in body if not _is_version(statement)]
+FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
+CALLS = ast.Call | ast.NamedExpr | ast.Await | ast.Yield | ast.YieldFrom
+SEES_LOCALS = {"locals", "vars", "eval", "exec", "query"}
+JOINED = {ast.IfExp: ("body", "orelse"), ast.BinOp: ("left", "right")}
+
+
+def _message(node):
+    """The call whose arguments are a message, if a node raises or prints one."""
+    if isinstance(node, ast.Raise):
+        return node.exc
+    name = getattr(node, "func", None)
+    name = getattr(name, "id", getattr(name, "attr", ""))
+    to_file = {each.arg for each in getattr(node, "keywords", ())} & {"file", None}
+    return node if name == "warn" or (name == "print" and not to_file) else None
+
+
+def _silent(node):
+    """An expression without its texts but for the calls in them; a name is shown, not read."""
+    for part in JOINED.get(type(node), ()):
+        setattr(node, part, _silent(getattr(node, part)))
+    if isinstance(node, ast.Name):
+        return ast.arg(node.id)
+    text = isinstance(node, ast.JoinedStr) or isinstance(getattr(node, "value", None), str)
+    return ast.JoinedStr([it for it in ast.walk(node) if isinstance(it, CALLS)]) if text else node
+
+
+def _silence_locals(function):
+    """Take the texts out of what is assigned to local names that a function only shows."""
+    read = set().union(*map(_read, ast.walk(function)))
+    found = [node for node in ast.walk(function) if isinstance(node, ast.Assign)]
+    found = [node for node in found if [type(each) for each in node.targets] == [ast.Name]]
+    shown = [node for node in found if not {node.targets[0].id, *SEES_LOCALS} & read]
+    for node in shown:
+        node.targets, node.value = [_silent(node.targets[0])], _silent(node.value)
+    if shown:  # what they show may be read by nothing else
+        _silence_locals(function)
+
+
+def _read(node):
+    """The names that a node reads, or that are known outside its function."""
+    if isinstance(node, ast.Global | ast.Nonlocal):
+        return {*node.names}
+    loaded = isinstance(getattr(node, "ctx", None), ast.Load)
+    names = ast.walk(node) if isinstance(node, ast.ClassDef) else [node] if loaded else []
+    return {getattr(name, "id", getattr(name, "attr", "")) for name in names}
+
+
+def _strip(node):
+    """Take the docstring from a node, and the fields that only some versions of Python have."""
+    if isinstance(node, ast.Module | ast.ClassDef | FUNCTIONS):
+        node.body = node.body[ast.get_docstring(node, clean=False) is not None :]
     if isinstance(node, ast.JoinedStr):
-        fields["values"] = _merged(node.values)
-    kept = {name: value for name, value in fields.items() if name not in ("kind", "type_comment")}
-    told = [f"{name}={_walk(it, silent)}" for name, it in kept.items() if it not in (None, [])]
-    if isinstance(node, ast.Constant) and node.value is None:
-        told = ["value=None"]
-    return f"{type(node).__name__}({','.join(told)})"
-
-
-def _is_version(statement):
-    return [getattr(it, "id", "") for it in getattr(statement, "targets", ())] == ["__version__"]
-
-
-def _is_text(node):
-    return isinstance(node, ast.JoinedStr) or isinstance(getattr(node, "value", None), str)
+        node.values = _merged(node.values)
+    for name, value in [*vars(node).items()]:
+        empty = value in (None, []) and not isinstance(node, ast.Constant)
+        if empty or name in ("kind", "type_comment"):
+            delattr(node, name)
 
 
 def _merged(pieces):
     """Pieces of an f-string, neighbouring texts as one: Python versions divide them differently."""
-    out = []
-    for piece in (each for each in pieces if getattr(each, "value", None) != ""):
-        if out and _is_text(out[-1]) and _is_text(piece):
-            piece = ast.Constant(out.pop().value + piece.value)
-        out.append(piece)
-    return out
-
-
-FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
-SCOPES = (*FUNCTIONS, ast.ClassDef, ast.Lambda)
-CALLS = (ast.Call, ast.NamedExpr, ast.Await, ast.Yield, ast.YieldFrom)
-JOINED = {ast.IfExp: ("body", "orelse"), ast.BinOp: ("left", "right")}
-
-
-def _messages(tree):
-    """The expressions that are put together to the messages of a tree."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Raise):
-            yield from _arguments(node.exc)
-        elif isinstance(node, ast.Call):
-            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
-            to_file = {keyword.arg for keyword in node.keywords} & {"file", None}
-            if name == "warn" or (name == "print" and not to_file):
-                yield from _arguments(node)
-
-
-def _arguments(call):
-    """The expressions that are put together to the arguments of a call; none without a call."""
-    if isinstance(call, ast.Call):
-        for argument in (*call.args, *(keyword.value for keyword in call.keywords)):
-            yield from _leaves(argument)
-
-
-def _leaves(node):
-    """What an expression chooses from or joins."""
-    parts = [getattr(node, name) for name in JOINED.get(type(node), ())]
-    return [leaf for part in parts for leaf in _leaves(part)] if parts else [node]
-
-
-def _down_to(kinds, node):
-    """A node and everything in it, but nothing that is in a node of some kinds."""
-    yield node
-    if not isinstance(node, kinds):
-        for child in ast.iter_child_nodes(node):
-            yield from _down_to(kinds, child)
-
-
-def _local_messages(function):
-    """The expressions assigned to local names that a function uses in messages only."""
-    leaves = {}
-    for node in (node for statement in function.body for node in _down_to(SCOPES, statement)):
-        if isinstance(node, ast.Assign) and [type(each) for each in node.targets] == [ast.Name]:
-            leaves.setdefault(node.targets[0].id, []).extend(_leaves(node.value))
-    while odd := _used_elsewhere(function, leaves):
-        leaves = {name: each for name, each in leaves.items() if name not in odd}
-    return [leaf for each in leaves.values() for leaf in each]
-
-
-def _used_elsewhere(function, leaves):
-    """The names in `leaves` that are not local, or used elsewhere than in messages and `leaves`."""
-    told = [*_messages(function), *(leaf for each in leaves.values() for leaf in each)]
-    told = [leaf for leaf in told if isinstance(leaf, ast.JoinedStr | ast.Name)]
-    shown = {id(part) for leaf in told for part in _down_to(CALLS, leaf)}
-    used = set()
-    for node in ast.walk(function):
-        if isinstance(node, ast.Global | ast.Nonlocal):
-            used.update(node.names)
-        elif isinstance(node, ast.Name) and id(node) not in shown:
-            every = node.id in ("locals", "vars", "eval", "exec")
-            used.update(leaves if every else [node.id] if isinstance(node.ctx, ast.Load) else [])
-    return used & leaves.keys()
+    merged = []
+    for piece in pieces:
+        if merged and isinstance(piece, ast.Constant) and isinstance(merged[-1], ast.Constant):
+            piece = ast.Constant(merged.pop().value + piece.value)
+        merged.append(piece)
+    return [piece for piece in merged if getattr(piece, "value", None) != ""]
 
 
 def imported(source):
     """Files of this package that a source imports, directly or through one another, sorted."""
-    found, todo = set(), _files(source)
+    found, todo = set(), [source]
     while todo:
-        file = todo.pop()
-        found.add(file)
-        todo |= _files(file.read_text(encoding="utf-8")) - found
+        for name in _imports(todo.pop()):
+            file = paths.PACKAGE.joinpath(*name.split(".")[1:]).with_suffix(".py")
+            if file.is_file() and file not in found:
+                found.add(file)
+                todo.append(file.read_text(encoding="utf-8"))
     return sorted(found)
-
-
-def _files(source):
-    """Files of this package that a source imports directly."""
-    parts = [name.split(".")[1:] for name in _imports(source)]
-    files = {paths.PACKAGE.joinpath(*part).with_suffix(".py") for part in parts if part}
-    return {file for file in files if file.is_file()}
 
 
 @functools.cache
@@ -215,10 +177,9 @@ def _imports(source):
     """Names of this package that a source imports."""
     names = []
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.ImportFrom):
-            names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
-        elif isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            module = getattr(node, "module", "") or ""
+            names += [module, *(f"{module}.{alias.name}".strip(".") for alias in node.names)]
     return [name for name in names if name.startswith("tbdcore")]
 
 
@@ -241,29 +202,27 @@ def csv(frame):
 
 
 def _named(index):
-    """Whether an index has names for the rows, or only counts them."""
+    """Whether an index names the rows, or only counts them."""
     return index.names != [None] or type(index).__name__ != "RangeIndex"
 
 
 def _cells(frame):
-    """Header and rows of a frame as text; an index with names becomes a column."""
-    named = frame.rename_axis("") if frame.index.names == [None] else frame
-    flat = named.reset_index() if _named(frame.index) else frame
-    rows = [[_cell(value) for value in row] for row in flat.itertuples(index=False, name=None)]
-    columns = [" ".join(map(str, c)) if isinstance(c, tuple) else c for c in flat.columns]
-    return [_cell(name) for name in columns], rows
+    """Lines of a frame as text, the header first; an index that names rows becomes a column."""
+    if _named(frame.index):
+        frame = (frame.rename_axis("") if frame.index.names == [None] else frame).reset_index()
+    header = [" ".join(map(str, it)) if isinstance(it, tuple) else it for it in frame.columns]
+    return [list(map(_cell, row)) for row in (header, *frame.itertuples(index=False, name=None))]
 
 
 def _cell(value):
     """One cell as text; NaN is empty."""
-    if isinstance(value, float):  # NumPy's double is one
-        return "" if math.isnan(value) else f"{value:.6g}"
-    return str(value)
+    number = isinstance(value, float)  # NumPy's double is one
+    return str(value) if not number else "" if math.isnan(value) else f"{value:.6g}"
 
 
 def markdown(frame):
     """A frame as a Markdown table."""
-    header, rows = _cells(frame)
+    header, *rows = _cells(frame)
     lines = [header, ["---"] * len(header), *rows]
     escaped = [" | ".join(cell.replace("|", r"\|") for cell in line) for line in lines]
     return "".join(f"| {line} |\n" for line in escaped)
@@ -274,6 +233,7 @@ Delta Lambda Sigma Omega le ge times to pm"""
 _SYMBOLS = zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→±", _LETTERS.split(), strict=True)
 _TEX = {c: "\\" + c for c in "&%$#_{}"} | {c: rf"\ensuremath{{\{name}}}" for c, name in _SYMBOLS}
 _TEX |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+_TEX = str.maketrans(_TEX)
 _SYMBOL = re.compile(r"\b([A-Za-z])_([A-Za-z0-9]{1,3}|FA|TAR)\b")  # P_d, R_T, r_P
 _NUMBER = re.compile(r"[-+−]?[\d.]+(e[-+]?\d+)?( ± [\d.]+)?|")
 
@@ -285,15 +245,15 @@ def latex(frame):
     escaped; columns of numbers are aligned to the right.  Headers wider than their column are
     broken, and so are long texts.
     """
-    header, rows = _cells(frame)
-    columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
-    places = ["r" if all(map(_NUMBER.fullmatch, column)) else "l" for column in columns]
-    widths = [max(map(len, column), default=0) for column in columns]
-    parts = zip(header, widths, places, strict=True)
-    head = " & ".join(_stack(name, max(width, 9), place) for name, width, place in parts)
-    form = "".join("p{13em}" if w > 34 else p for w, p in zip(widths, places, strict=True))
-    lines = [rf"\begin{{tabular}}{{{form}}}", r"\toprule", head + r" \\", r"\midrule"]
-    lines += [" & ".join(map(tex, cells)) + r" \\" for cells in rows]
+    header, *rows = _cells(frame)
+    head, form = [], ""
+    for name, *column in zip(header, *rows, strict=True):
+        width = max(map(len, column), default=0)
+        place = "r" if all(map(_NUMBER.fullmatch, column)) else "l"
+        head.append(_stack(name, max(width, 9), place))
+        form += "p{13em}" if width > 34 else place
+    lines = [" & ".join(line) + r" \\" for line in (head, *(map(tex, row) for row in rows))]
+    lines = [rf"\begin{{tabular}}{{{form}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
 
@@ -308,5 +268,5 @@ def tex(text):
     """Text with LaTeX's special characters escaped outside mathematics."""
     text = _SYMBOL.sub(r"$\1_{\\mathrm{\2}}$", text) if "$" not in text else text
     pieces = re.split(r"(\$[^$]+\$)", text)
-    pieces[::2] = ["".join(_TEX.get(c, c) for c in piece) for piece in pieces[::2]]
+    pieces[::2] = [piece.translate(_TEX) for piece in pieces[::2]]
     return "".join(pieces)

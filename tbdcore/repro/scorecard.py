@@ -1,9 +1,8 @@
 """The scorecard: the files that hold the verdicts of all papers together.
 
 ``figures/scorecard.csv`` has every verdict, the share of the seeds that give it and the verdict of
-all seeds together (``data/seeds.csv``, made by ``benchmarks/seeds.py``), ``scorecard.md`` the
-counts, ``figures/README.md`` all products, ``figures.bib`` the papers, and the repository's README
-has a table of the papers between two markers, and the rows whose verdict all seeds together change.
+all seeds together (``data/seeds.csv``, made by ``benchmarks/seeds.py``); between two markers of the
+repository's README are a table of the papers, and the rows whose verdict all seeds change.
 """
 
 import contextlib
@@ -27,9 +26,8 @@ def files(folder, readme):
     unsteady = every[every["seeds"] < STEADY].groupby("paper").size()
     unsteady["all"] = unsteady.sum()
     counts[UNSTEADY] = unsteady.reindex(counts.index, fill_value=0)
-    counts = products.markdown(counts.reset_index())
-    texts = {folder / "scorecard.md": counts, folder / "figures.bib": cite.bibliography()}
-    texts[folder / "README.md"] = cite.gallery()
+    texts = {folder / "scorecard.md": products.markdown(counts.reset_index())}
+    texts |= {folder / "figures.bib": cite.bibliography(), folder / "README.md": cite.gallery()}
     texts |= {paths.README: _readme(every)} if readme else {}
     made = {path: text.encode() for path, text in texts.items()}
     return {folder / "scorecard.csv": products.csv(every)} | made
@@ -95,34 +93,30 @@ def _readme(every):
 
 def _together(every):
     """The rows whose verdict is another one on the trials of all seeds together, in a sentence."""
-    odd = every[every["together"].notna() & (every["together"] != every["verdict"])]
-    changed = {paper: [] for paper in odd["paper"]}
+    studied, changed = every[every["together"].notna()], {}
+    odd = studied[studied["together"] != studied["verdict"]]
     for (paper, old, new), rows in odd.groupby(["paper", "verdict", "together"], sort=False):
-        changed[paper].append(f"{', '.join(map('`{}`'.format, rows['id']))} ({new}, not {old})")
-    files = {paper: pages.path(paper).name for paper in changed}
-    parts = [
-        f"[{files[it][:-6]}](notebooks/{files[it]}) {', '.join(changed[it])}" for it in changed
-    ]
+        ids = ", ".join(f"`{id}`" for id in rows["id"])
+        changed.setdefault(paper, []).append(f"{ids} ({new}, not {old})")
+    parts = [f"{_link(paper)} {', '.join(texts)}" for paper, texts in changed.items()]
     said = f"another verdict on {'; '.join(parts)}" if parts else "the same verdicts"
-    studied = every["together"].notna().any()
-    return f"\nAll [seeds](data/seeds.csv) together give {said}.\n" if studied else ""
+    return f"\nAll [seeds](data/seeds.csv) together give {said}.\n" if len(studied) else ""
+
+
+def _link(paper):
+    notebook = pages.path(paper)
+    return f"[{notebook.stem}](notebooks/{notebook.name})"
 
 
 def _papers(every):
     """README's table: what came of each paper's measured claims, and how many others there are."""
     rows = []
     for paper, about in cite.papers().items():
-        counts, notebook = claims.counts(every[every["paper"] == paper]), pages.path(paper)
+        counts = claims.counts(every[every["paper"] == paper])
         measured = {verdict: counts[f"measured: {verdict}"] for verdict in claims.JUDGED}
         others = [name for name in (*claims.EVIDENCE[1:], "untestable", "used") if counts[name]]
-        rows.append(
-            {
-                "paper": f"{about['topic']} ({about['short']})",
-                "notebook": f"[{notebook.stem}](notebooks/{notebook.name})",
-                "measured": sum(measured.values()),
-                **measured,
-                "not measured": ", ".join(f"{counts[name]} {name}" for name in others),
-                "run time": about.get("run_time", ""),
-            }
-        )
+        row = {"paper": f"{about['topic']} ({about['short']})", "notebook": _link(paper)}
+        row |= {"measured": sum(measured.values())} | measured
+        row["not measured"] = ", ".join(f"{counts[name]} {name}" for name in others)
+        rows.append(row | {"run time": about.get("run_time", "")})
     return pd.DataFrame(rows)

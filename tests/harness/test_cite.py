@@ -273,6 +273,11 @@ def test_a_film_is_found_by_its_comment(execute, tmp_path):
     assert cite.embedded(tmp_path / "film.gif") == "tiny/fig1"
 
 
+def test_a_checksum_of_letters_is_no_part_of_an_id(execute, tmp_path):
+    (tmp_path / "a.png").write_bytes(b"\0\0\0\x0ftEXtTitle\0tiny/fig10abc")
+    assert cite.embedded(tmp_path / "a.png") == "tiny/fig1"
+
+
 def test_a_re_saved_picture_keeps_id_and_caption(execute, capsys, tmp_path):
     copy = tmp_path / "again.png"
     content = (tmp_path / "figures" / "tiny" / "fig1.png").read_bytes()
@@ -359,11 +364,11 @@ def test_without_retired_ids_the_gallery_has_no_list_of_them(execute, tmp_path):
     ("line", "words"),
     [
         ("tiny/fig9", "row 2, column last_commit: 1 fields instead of 3"),
-        ("fig9,0123abc,", "row 2, column id: 'fig9' is no id"),
-        ("tyni/fig9,0123abc,", "row 2, column id: 'tyni/fig9' is no id"),
-        ("tiny/fig1,0123abc,", "row 2, column id: 'tiny/fig1' is still made"),
-        ("tiny/fig9,HEAD,", "row 2, column last_commit: 'HEAD' is no commit"),
-        ("tiny/fig9,0123abc,tiny/fig8", "row 2, column instead: 'tiny/fig8' is not made"),
+        ("fig9,0123abc,", "row 2, column id: 'fig9'; no id"),
+        ("tyni/fig9,0123abc,", "row 2, column id: 'tyni/fig9'; no id"),
+        ("tiny/fig1,0123abc,", "row 2, column id: 'tiny/fig1'; it is still made"),
+        ("tiny/fig9,HEAD,", "row 2, column last_commit: 'HEAD'; give 7 to 40"),
+        ("tiny/fig9,0123abc,tiny/fig8", "row 2, column instead: 'tiny/fig8'; not made"),
         (
             "tiny/fig9,0123abc,\ntiny/fig9,0123abc,",
             "row 3: 'tiny/fig9' stands there twice",

@@ -70,15 +70,18 @@ BAD_LINES = {
     ),
     "long row": (ROW + ",more", ("row 5, column cause", "12 fields instead of 11")),
     "semicolons in one row": (ROW.replace(",", ";"), ("row 5", "1 fields instead of 11")),
-    "empty id": (ROW.replace("b,Fig", ",Fig"), ("row 5, column id", "empty")),
+    "empty id": (ROW.replace("b,Fig", ",Fig"), ("row 5, column id", "write it down")),
     "rule without evidence": (
         ROW.replace("measured", ""),
         ("row 5, column evidence", "a row that is judged has both"),
     ),
-    "evidence without rule": (ROW.replace("Mean range", ""), ("row 5, column rule", "empty")),
+    "evidence without rule": (
+        ROW.replace("Mean range", ""),
+        ("row 5, column rule", "a row that is judged has both"),
+    ),
     "unknown evidence": (
         ROW.replace("measured", "guessed"),
-        ("row 5, column evidence", "'guessed' is unknown", "calibrated"),
+        ("row 5, column evidence", "'guessed'; known are", "calibrated"),
     ),
     "a gain without its null value": (
         ROW.replace("range,,", "gain in range,,"),
@@ -86,7 +89,7 @@ BAD_LINES = {
     ),
     "an item without a number": (
         ROW.replace("Mean range", "Mean range; tolerance = small"),
-        ("row 5, column rule", "an item is no number"),
+        ("row 5, column rule", "write each item as"),
     ),
     "a rule of an input": (
         ROW.replace("number", "input"),
@@ -100,7 +103,7 @@ BAD_LINES = {
         ROW.replace("measured", "repeats c"),
         ("row 5, column evidence", "'c' is no row"),
     ),
-    "empty value": (ROW.replace("1.5", ""), ("row 5, column value", "empty")),
+    "empty value": (ROW.replace("1.5", ""), ("row 5, column value", "write it down")),
 }
 
 
@@ -111,7 +114,7 @@ def test_a_bad_row_is_named_by_file_row_and_column(tmp_path, line, words):
 
 def test_a_missing_column(tmp_path):
     lines = [",".join(part for i, part in enumerate(line.split(",")) if i != 5) for line in GOOD]
-    refused(written(tmp_path, *lines), "row 1, column unit: missing")
+    refused(written(tmp_path, *lines), "row 1, column unit: the columns are")
 
 
 def test_columns_in_another_order(tmp_path):
@@ -120,7 +123,8 @@ def test_columns_in_another_order(tmp_path):
 
 def test_semicolons(tmp_path):
     refused(
-        written(tmp_path, *(line.replace(",", ";") for line in GOOD)), "row 1, column id: missing"
+        written(tmp_path, *(line.replace(",", ";") for line in GOOD)),
+        "row 1, column id: the columns are",
     )
 
 
@@ -129,19 +133,19 @@ def test_crlf(tmp_path):
 
 
 def test_byte_order_mark(tmp_path):
-    refused(written(tmp_path, "\ufeff" + GOOD[0], *GOOD[1:]), "row 1, column id", "byte-order mark")
+    refused(written(tmp_path, "\ufeff" + GOOD[0], *GOOD[1:]), "row 1", "byte-order mark")
 
 
 def test_latin_1(tmp_path):
     (tmp_path / "toy.csv").write_bytes(
         "\n".join([*GOOD, ROW.replace("range", "portée")]).encode("latin-1")
     )
-    refused(tmp_path, "row 5", "not UTF-8", "0xe9")
+    refused(tmp_path, "row 5", "not UTF-8")
 
 
 def test_an_empty_file(tmp_path):
     (tmp_path / "toy.csv").write_bytes(b"")
-    refused(tmp_path, "row 1, column id: missing")
+    refused(tmp_path, "row 1, column id: the columns are")
 
 
 def test_a_quote_that_is_never_closed(tmp_path):
@@ -182,7 +186,11 @@ def test_a_row_may_not_repeat_one_that_repeats(tmp_path):
         f"{id},Fig. 2,A beats B,,greater,,ordering,Sec. 2,As a.order,repeats {original},"
         for id, original in (("b", "a.order"), ("c", "b"))
     ]
-    refused(written(tmp_path, *GOOD, *lines), "row 6, column evidence", "'b' repeats another row")
+    refused(
+        written(tmp_path, *GOOD, *lines),
+        "row 6, column evidence",
+        "'b' is no row or repeats one itself",
+    )
 
 
 def test_numbers_of_a_rule():
@@ -368,7 +376,9 @@ def test_a_page_takes_the_numbers_of_a_rule_from_the_file(tmp_path):
     row = "b,Fig. 4,close,,close,,statement,Sec. 1,Within; tolerance = 14 m,measured,"
     book = ledger(tmp_path, HEADER, row)
     assert book.number("b", "tolerance") == 14.0
-    with pytest.raises(ValueError, match=r"rule of b has no 'tolerence'; the nearest is 'tolera"):
+    with pytest.raises(
+        ValueError, match=r"no number in the rule of b, 'tolerence'; the nearest is 't"
+    ):
         book.number("b", "tolerence")
 
 
@@ -471,7 +481,10 @@ MISUSES = {
         lambda book: book.check("a.nun", 1.0),
         r"no claim 'a\.nun'; the nearest is 'a\.num'",
     ),
-    "input checked": (lambda book: book.check("a.in", 500.0), r"a\.in is an input"),
+    "input checked": (
+        lambda book: book.check("a.in", 500.0),
+        r"a\.in has no rule .* enter it with used",
+    ),
     "number used": (
         lambda book: book.used("a.num", 287.1),
         r"a\.num is of kind number; only inputs are used",
@@ -868,15 +881,18 @@ def test_the_readings_of_01(tmp_path):
 
 
 BAD_OPTIONS = {
-    "none": (None, "of reading 'weights' the other options are gated, single, given are none"),
-    "one is missing": ({"weights": flown(287.1, 287.1, names=["gated"])}, "given are gated"),
+    "none": (None, "readings.csv has the other options weights: gated, single; given are none"),
+    "one is missing": (
+        {"weights": flown(287.1, 287.1, names=["gated"])},
+        "given are weights: gated$",
+    ),
     "unknown option": (
         {"weights": flown(287.1, 287.1, 287.1, names=["gated", "singel"])},
-        "given are gated, singel",
+        "given are weights: gated, singel",
     ),
     "unknown reading": (
         {"weight": flown(287.1, 287.1, 287.1)},
-        "readings.csv has no 'weight' for this row; the nearest is 'weights'",
+        "has the other options weights: gated, single; given are weight: gated, single",
     ),
 }
 
@@ -888,9 +904,18 @@ def test_a_row_is_judged_under_exactly_the_options_of_its_readings(tmp_path, rea
     assert "\n" not in str(caught.value)
 
 
+def test_a_reading_whose_other_options_are_refuted_asks_for_none(tmp_path):
+    refuted = f"{WEIGHTS}gated: z = 9; single: z = 8"
+    assert judged(tmp_path, 287.1, None, refuted).readings == ""
+    with pytest.raises(ValueError, match="has the other options none; given are weights: gated"):
+        judged(tmp_path, 287.1, {"weights": flown(287.1, 287.1, names=["gated"])}, refuted)
+
+
 def test_a_reading_touches_its_rows_only(tmp_path):
     book = Ledger("toy", True, with_readings(tmp_path, WEIGHTS))
-    with pytest.raises(ValueError, match="no 'weights' for this row"):
+    with pytest.raises(
+        ValueError, match="readings.csv has the other options none; given are weights"
+    ):
         book.check("a.order", 1.0, se=0.1, readings={"weights": flown(1.0, 1.0, 1.0)})
     assert book.check("a.order", 1.0, se=0.1).readings == ""
 
@@ -899,15 +924,18 @@ BAD_READINGS = {
     "damaged": ("a,b", ("row 2, column words", "2 fields instead of 7")),
     "unknown chapter": (WEIGHTS.replace("toy", "tyo"), ("column chapter", "'tyo'", "'toy'")),
     "twice": (f"{WEIGHTS}\n{WEIGHTS}", ("row 3", "('toy', 'weights') stands there twice")),
-    "no words": (WEIGHTS.replace("p. 3: the weight of a sample", ""), ("column words: empty",)),
+    "no words": (
+        WEIGHTS.replace("p. 3: the weight of a sample", ""),
+        ("column words: ''; write it down",),
+    ),
     "one option": (WEIGHTS.replace(";gated;single", ""), ("column options", "two or more")),
     "an option twice": (WEIGHTS.replace("gated", "single"), ("column options", "each once")),
     "a default that is no option": (
         WEIGHTS.replace(",own cell,a", ",cell,a"),
-        ("column default", "'cell' is none of the options own cell, gated, single"),
+        ("column default", "'cell'; choose one of own cell;gated;single"),
     ),
     "no such row": (WEIGHTS.replace("a.num", "a.nun"), ("column rows", "'a.nun'", "'a.num'")),
-    "no rows": (WEIGHTS.replace("a.num", ""), ("column rows: empty",)),
+    "no rows": (WEIGHTS.replace("a.num", ""), ("column rows: ''; write it down",)),
     "refuted without a reason": (f"{WEIGHTS}gated", ("column refuted", "'gated'; write option: ")),
     "refuted default": (f"{WEIGHTS}own cell: z = 9", ("column refuted", "no default")),
     "refuted and unknown": (f"{WEIGHTS}gate: z = 9", ("column refuted", "'gate: z = 9'")),

@@ -99,6 +99,9 @@ OTHER = {
     "a call for an exception": ('raise E(f"{a()}")', 'raise E(f"{b()}")'),
     "an argument of a call for an exception": ('raise E(f("a"))', 'raise E(f("b"))'),
     "a text in a file": ('print("a", file=f)', 'print("b", file=f)'),
+    "a text of a class in a function": tuple(
+        f"def f():\n    class A:\n        a = '{text}'\n    return A" for text in "bc"
+    ),
     "the text of a module for an exception": ('a = "b"\nraise E(a)', 'a = "c"\nraise E(a)'),
 } | {
     f"a text for an exception that {what}": tuple(
@@ -113,6 +116,7 @@ OTHER = {
         "names a nested function": "def h(y=a): return y",
         "is not local": "global a",
         "is reached by all names": "return vars()",
+        "is reached by a query": "return x.query('b == @a')",
         "is a condition": "return 1 if a else 2",
     }.items()
 }
@@ -144,7 +148,7 @@ match x:
     case {"a": [None, *_]} | C(b=1) if (x := 2):
         pass
 """
-    assert products.digest([products.meaning(source).encode()]) == "0bb17c62e6bc0ed9"
+    assert products.digest([products.meaning(source).encode()]) == "2def9d065d482c50"
 
 
 def test_the_meaning_tells_apart_all_modules():
