@@ -1,9 +1,8 @@
 """Runs: one notebook in a process of its own, or one notebook over a list of values.
 
-The notebook runs in a child process (this module's ``__main__``) with a session of its own.  An
-interrupt of the parent ends the child and everything that it started; the child does the same when
-its parent has disappeared.  What processes that were killed have left, the next run removes.
-How long a run took is kept beside the executed notebook, so that the next one can say it.
+The child process (this module's ``__main__``) has a session of its own.  An interrupt of the parent
+ends the child and everything that it started; the child does the same when its parent has
+disappeared.  What processes that were killed have left, the next run removes.
 """
 
 import contextlib
@@ -27,7 +26,6 @@ QUIET = {  # loky cleans up after killed workers, and says so; the debugger comm
     "PYTHONWARNINGS": "ignore::UserWarning:loky.backend.resource_tracker",
     "PYDEVD_DISABLE_FILE_VALIDATION": "1",
 }
-KINDS = {"ValueError": ValueError, "OSError": OSError, "RuntimeError": RuntimeError}
 TABLE = ("value", "claim", "evidence", "published", "measured", "se", "n", "z", "verdict")
 
 
@@ -60,17 +58,13 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
         kept, found = str(output) if output.is_file() else "", counts(paper, folder)
         say(f"{paper}: skipped, its products have these sources and parameters ({summary(found)})")
         return result._replace(verdicts=found, skipped=True, notebook=kept)
-    clock, expected = output.with_suffix(".seconds"), ""
-    with contextlib.suppress(OSError, ValueError):
-        expected = f"{float(clock.read_text()):.0f} s"
-    say(f"{paper}: running" + (f", {expected} the last time" if expected else ""))
+    say(f"{paper}: running")
     try:
-        _execute(paper, values, output, partial(_show_time, paper, start, expected), debug)
+        _execute(paper, values, output, partial(_show_time, paper, start), debug)
     except RuntimeError as error:
         fault = {"status": FAILED, "error": str(error), "notebook": str(pages.failed_at(output))}
         return result._replace(seconds=round(time.monotonic() - start, 1), **fault)
     seconds, found = round(time.monotonic() - start, 1), counts(paper, folder)
-    products.write(clock.parent, {clock.name: f"{seconds}\n".encode()})
     if found:
         few = smaller(paper, values)
         say(f"{paper}: {summary(found)}" + (f"; verdicts void: {few}" if few else ""))
@@ -78,7 +72,7 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
     return result._replace(seconds=seconds, verdicts=found)
 
 
-def sweep(paper, name, runs, folder, *, say=print, **options):
+def sweep(paper, name, runs, folder, **options):
     """Run a notebook once for each value of a parameter; yields the Result of each run.
 
     `runs` is a list of (value, parameters), `options` are those of :func:`run`.  The products of a
@@ -92,8 +86,8 @@ def sweep(paper, name, runs, folder, *, say=print, **options):
     for value, values in runs:
         place = folder / f"{name}={value}"
         output, values = place / pages.path(paper).name, values | {"out": str(place)}
-        say(f"{name} = {value}")
-        result = run(paper, values, output, say=say, **options)
+        options["say"](f"{name} = {value}")
+        result = run(paper, values, output, **options)
         if result.status == GOOD:
             table = claims.verdicts(paper, place).rename(columns={"id": "claim"})
             tables.append(table.assign(value=value))
@@ -105,14 +99,9 @@ def sweep(paper, name, runs, folder, *, say=print, **options):
 
 def shares(table):
     """For each claim of a sweep's table the number of values and the share with each verdict."""
-    import pandas as pd
-
-    each = pd.get_dummies(table["verdict"], dtype=float)
-    each = each.reindex(columns=list(claims.VERDICTS), fill_value=0.0)
-    grouped = each.groupby([table["claim"], table["evidence"]], sort=False)
-    share = grouped.mean()
-    share.insert(0, "values", grouped.size())
-    return share.reset_index()
+    claim = table.groupby(["claim", "evidence"], sort=False)["verdict"]
+    each = {v: claim.agg(lambda found, v=v: (found == v).mean()) for v in claims.VERDICTS}
+    return claim.size().to_frame("values").assign(**each).reset_index()
 
 
 def done(paper, values, folder):
@@ -123,7 +112,8 @@ def done(paper, values, folder):
     if not made or not wanted <= set(os.listdir(folder / paper)):
         return False
     now = {"digest": pages.digest(paper), "versions": products.versions()}
-    now["parameters"] = _settings(paper, values)
+    every = {name: one.default for name, one in pages.parameters(paper).items()} | values
+    now["parameters"] = {name: every[name] for name in every if name not in pages.EXECUTION}
     return all(about | now == about for about in made)
 
 
@@ -154,17 +144,11 @@ def smaller(paper, values):
     return ", ".join(f"{name} {values[name]} of {full[name]}" for name in few)
 
 
-def _settings(paper, values):
-    """All parameters that can change a result, as they are read back from JSON."""
-    every = {name: one.default for name, one in pages.parameters(paper).items()} | values
-    return json.loads(json.dumps({k: every[k] for k in every if k not in pages.EXECUTION}))
-
-
-def _show_time(paper, start, expected):
+def _show_time(paper, start):
     """The time that a run has taken so far, on a terminal only."""
     if sys.stderr.isatty():
-        elapsed, of = time.monotonic() - start, f" of about {expected}" if expected else " s"
-        print(f"\r{paper}: {elapsed:.0f}{of}\033[K\r", end="", file=sys.stderr, flush=True)
+        elapsed = time.monotonic() - start
+        print(f"\r{paper}: {elapsed:.0f} s\033[K\r", end="", file=sys.stderr, flush=True)
 
 
 def _execute(paper, values, output, tick, debug):
@@ -185,32 +169,33 @@ def _execute(paper, values, output, tick, debug):
 
 
 def _raise_failure(paper, code, place, debug):
-    """Raise what a child process reports in its folder; one that died reports nothing."""
+    """Raise what a child process reports that failed; one that died reports nothing."""
+    if code == 0:
+        return
     log = (place / "log").read_text(encoding="utf-8", errors="replace")
     own = [line.strip() for line in log.split("\n") if "[IPKernelApp]" not in line and line.strip()]
     last = f": {own[-1][:200]}" if own else ""
     kind, error, trace = "", f"{paper}: the run died with code {code}{last}; run it again", log
     with contextlib.suppress(OSError):
         kind, error, trace = json.loads((place / "outcome").read_text(encoding="utf-8"))
-    if error:
-        print(trace if debug else "", end="", file=sys.stderr)
-        error = error.replace("the kernel died;", f"the kernel died{last};")
-        raise KINDS.get(kind, RuntimeError)(error)
+    print(trace if debug else "", end="", file=sys.stderr)
+    error = error.replace("the kernel died;", f"the kernel died{last};")
+    raise (OSError if kind == "OSError" else RuntimeError)(error)
 
 
 def _main(paper, values, output, place, parent):
-    """The child process: executes a notebook and reports in a folder how it ended."""
+    """The child process: executes a notebook and reports in a folder how it failed."""
     processes.end_with_parent(parent)
     logging.disable()
     sys.stderr = io.StringIO()  # so that what is in the file comes from the kernel
-    outcome = "", "", ""
     try:
         pages.execute(paper, values, Path(output))
     except Exception as error:
-        kind = next((name for name, kind in KINDS.items() if isinstance(error, kind)), "")
-        text = str(error) if kind else f"{paper}: {type(error).__name__}: {error}"
-        outcome = kind, text, traceback.format_exc()
-    products.write(Path(place), {"outcome": json.dumps(outcome).encode()})
+        kind = "OSError" if isinstance(error, OSError) else type(error).__name__
+        text = str(error) if kind in ("OSError", "RuntimeError") else f"{paper}: {kind}: {error}"
+        outcome = json.dumps([kind, text, traceback.format_exc()])
+        products.write(Path(place), {"outcome": outcome.encode()})
+        sys.exit(1)
 
 
 def _remove_leftovers(*folders):
