@@ -4,8 +4,8 @@ Each check is a function that returns what it found, or raises :class:`Problem` 
 and what to do.
 """
 
+import contextlib
 import os
-import re
 import shlex
 import sys
 from importlib import metadata
@@ -14,13 +14,13 @@ from tempfile import gettempdir
 
 import jupyter_client.kernelspec
 import numpy as np
-from packaging.markers import Marker
+from packaging.requirements import Requirement
 
+from tbdcore import kalman
 from tbdcore.repro import paths, trials
 
 NAMES = "doctor", "self-test"  # of its random streams
 STREAM = 0x052D27BA31D1AF10  # first output of the stream (seed 20, trial 0)
-LOCKED = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;\\]+)\s*(?:;\s*([^\\]+?))?\s*\\?$", re.MULTILINE)
 PYTHON = shlex.quote(sys.executable)
 
 
@@ -46,18 +46,18 @@ def _install():
 
 def locked(text):
     """Versions by distribution that a lock has for this Python and machine."""
-    pins = LOCKED.findall(text)
-    return {name: pin for name, pin, marker in pins if not marker or Marker(marker).evaluate()}
+    pins = [Requirement(line.rstrip(" \\")) for line in text.splitlines() if line[:1].isalnum()]
+    here = [pin for pin in pins if not pin.marker or pin.marker.evaluate()]
+    return {pin.name: str(pin.specifier).removeprefix("==") for pin in here}
 
 
 def packages():
     """Every distribution against the lock."""
     wanted, wrong = locked(paths.LOCK.read_text(encoding="utf-8")), []
     for name, version in wanted.items():
-        try:
+        have = "missing"
+        with contextlib.suppress(metadata.PackageNotFoundError):
             have = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            have = "missing"
         if have != version:
             wrong.append(f"{name} is {have}, the lock has {version}")
     if wrong:
@@ -91,8 +91,6 @@ def folders():
 
 def self_test():
     """Three calculations whose results are known."""
-    from tbdcore import kalman
-
     first = trials.generator(20, *NAMES, 0, "noise").bit_generator.random_raw()
     # covariance of a white acceleration of density q: q T^3/3, q T^2/2, q T
     _, P = kalman.predict_cv(np.zeros(4), np.zeros((4, 4)), 2.0, 3.0)
@@ -110,8 +108,6 @@ def self_test():
 
 def _draw(seed, i):
     """Covariance of a random state, two seconds later."""
-    from tbdcore import kalman
-
     rng = trials.generator(seed, *NAMES, i, "noise")
     return kalman.predict_cv(rng.standard_normal(4), np.diag(rng.random(4)), 2.0, 3.0)[1]
 
