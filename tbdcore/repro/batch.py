@@ -15,7 +15,6 @@ import shutil
 import sys
 import time
 import traceback
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,40 +44,40 @@ class Result(NamedTuple):
 def run(paper, values, output, *, say=print, resume=False, debug=False):
     """Execute a notebook with checked parameters; returns its :class:`Result`, of a failed run too.
 
-    `values` are parameters as :func:`tbdcore.repro.pages.validate` returns them, `output` the path
-    of the executed notebook; `say` gets the lines of progress; `resume` skips what is done; `debug`
-    prints the traceback of a run that fails.  KeyboardInterrupt is raised after everything that the
-    run had started has ended.
+    `output` is the path of the executed notebook; `say` gets the lines of progress; `resume` skips
+    what is done; `debug` prints the traceback of a run that fails.  KeyboardInterrupt is raised
+    after everything that the run had started has ended.
     """
     folder, start = Path(values.get("out") or paths.figures()), time.monotonic()
     result = Result(paper, 0.0, {}, str(folder / paper), str(output))
     if left := _remove_leftovers(folder / paper, output.parent):
         say(f"{paper}: removed what a killed run had left: {', '.join(left)}")
     if resume and done(paper, values, folder):
-        kept, found = str(output) if output.is_file() else "", counts(paper, folder)
-        say(f"{paper}: skipped, its products have these sources and parameters ({summary(found)})")
+        found, summary = counts(paper, folder)
+        say(f"{paper}: skipped, its products have these sources and parameters ({summary})")
+        kept = str(output) if output.is_file() else ""
         return result._replace(verdicts=found, skipped=True, notebook=kept)
     say(f"{paper}: running")
     try:
-        _execute(paper, values, output, partial(_show_time, paper, start), debug)
+        _execute(paper, values, output, debug)
     except RuntimeError as error:
         fault = {"status": FAILED, "error": str(error), "notebook": str(pages.failed_at(output))}
         return result._replace(seconds=round(time.monotonic() - start, 1), **fault)
-    seconds, found = round(time.monotonic() - start, 1), counts(paper, folder)
+    result = result._replace(seconds=round(time.monotonic() - start, 1))
+    found, summary = counts(paper, folder)
     if found:
         few = smaller(paper, values)
-        say(f"{paper}: {summary(found)}" + (f"; verdicts void: {few}" if few else ""))
-    say(f"{paper}: {seconds:.0f} s; products in {folder / paper}")
-    return result._replace(seconds=seconds, verdicts=found)
+        say(f"{paper}: {summary}" + (f"; verdicts void: {few}" if few else ""))
+    say(f"{paper}: {result.seconds:.0f} s; products in {folder / paper}")
+    return result._replace(verdicts=found)
 
 
 def sweep(paper, name, runs, folder, **options):
     """Run a notebook once for each value of a parameter; yields the Result of each run.
 
     `runs` is a list of (value, parameters), `options` are those of :func:`run`.  The products of a
-    value go to ``folder/<name>=<value>/``.  After each value ``folder/<name>.csv`` holds the
-    verdicts so far, a row for each value and claim, and ``folder/<name>_shares.csv`` for each claim
-    the share of the values with each verdict.
+    value go to ``folder/<name>=<value>/``.  ``folder/<name>.csv`` holds the verdicts so far, and
+    ``folder/<name>_shares.csv`` for each claim the share of the values with each verdict.
     """
     import pandas as pd
 
@@ -118,23 +117,15 @@ def done(paper, values, folder):
 
 
 def counts(paper, folder):
-    """How many claims of each kind a folder's verdicts have, as the scorecard counts them; none for
-    a page that judges no paper.
+    """How many claims of each kind a folder's verdicts have, as the scorecard counts them, and that
+    as text; none for a page that judges no paper.
     """
     if paper not in claims.papers():
-        return {}
-    found = claims.counts(claims.verdicts(paper, folder))
-    return {name: n for name, n in found.items() if isinstance(n, int) and n and name != "claims"}
-
-
-def summary(found):
-    """Counts of claims as text: the measured ones by verdict, then the others."""
-    if not found:
-        return "no claims"
-    measured = {name: n for name, n in found.items() if name.startswith("measured: ")}
-    each = ", ".join(f"{n} {name.partition(': ')[2]}" for name, n in measured.items())
-    others = [f"{n} {name}" for name, n in found.items() if name not in measured]
-    return ", ".join([f"{sum(measured.values())} measured ({each or 'none'})", *others])
+        return {}, "no claims"
+    found = claims.counts(claims.verdicts(paper, folder)).items()
+    found = {name: n for name, n in found if isinstance(n, int) and n and name != "claims"}
+    each = [f"{n} {name.removeprefix('measured: ')}" for name, n in found.items()]
+    return found, ", ".join(each)
 
 
 def smaller(paper, values):
@@ -144,16 +135,15 @@ def smaller(paper, values):
     return ", ".join(f"{name} {values[name]} of {full[name]}" for name in few)
 
 
-def _show_time(paper, start):
-    """The time that a run has taken so far, on a terminal only."""
-    if sys.stderr.isatty():
-        elapsed = time.monotonic() - start
-        print(f"\r{paper}: {elapsed:.0f} s\033[K\r", end="", file=sys.stderr, flush=True)
-
-
-def _execute(paper, values, output, tick, debug):
+def _execute(paper, values, output, debug):
     """Execute a notebook in a child process; raises as :func:`tbdcore.repro.pages.execute` does."""
-    place = paths.BUILD / f"{paper}.{os.getpid()}.part"
+    place, start = paths.BUILD / f"{paper}.{os.getpid()}.part", time.monotonic()
+
+    def tick():
+        if sys.stderr.isatty():
+            elapsed = f"{time.monotonic() - start:.0f} s"
+            print(f"\r{paper}: {elapsed}\033[K\r", end="", file=sys.stderr, flush=True)
+
     job = json.dumps([paper, values, str(output), str(place), os.getpid()])
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
     environment = QUIET | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}

@@ -19,14 +19,14 @@ def run_command(arguments):
     if arguments.in_place and (arguments.p or arguments.quick or arguments.out or arguments.resume):
         advice = "drop -p, --quick, --out and --resume"
         raise ValueError(f"--in-place executes the notebooks with their defaults; {advice}")
-    _find_build(arguments)
+    _prepare(arguments)
     jobs = {paper: _values(paper, arguments) for paper in map(pages.paper_of, named)}
     _find_clusters(jobs.values(), arguments)
     status, folder = GOOD, paths.BUILD / "quick" if arguments.quick else paths.BUILD
+    options = {name: getattr(arguments, name) for name in ("say", "resume", "debug")}
     for paper, values in jobs.items():
         output = folder / pages.path(paper).name
-        job = partial(batch.run, paper, values, output, **_options(arguments))
-        result = _result(arguments, paper, job)
+        result = _result(arguments, paper, partial(batch.run, paper, values, output, **options))
         if arguments.in_place and result.status == GOOD:
             notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
             text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
@@ -44,7 +44,7 @@ def sweep_command(arguments):
         raise ValueError(f"sweep {arguments.values}: {advice}")
     if name in pages.EXECUTION:
         raise ValueError(f"sweep {name}: it cannot change a result; sweep another parameter")
-    _find_build(arguments)
+    _prepare(arguments)
     for value in text.split(";" if name in known and known[name].type == "list" else ","):
         values = _values(paper, arguments, f"{name}={value}")
         if any(values[name] == earlier[name] for _, earlier in runs):
@@ -52,22 +52,12 @@ def sweep_command(arguments):
         runs.append((value, values))
     _find_clusters([values for _, values in runs], arguments)
     folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / paper
-    results = batch.sweep(paper, name, runs, folder, **_options(arguments))
+    options = {name: getattr(arguments, name) for name in ("say", "resume", "debug")}
+    results = batch.sweep(paper, name, runs, folder, **options)
     ended = [_result(arguments, paper, partial(next, results)).status for _ in runs]
     if GOOD in ended:
-        _say(arguments, f"{paper}: tables in {folder / name}.csv and {name}_shares.csv")
+        arguments.say(f"{paper}: tables in {folder / name}.csv and {name}_shares.csv")
     return max(ended)
-
-
-def _say(arguments, text):
-    """A line of progress, on standard error where JSON goes to the other."""
-    print(text, file=sys.stderr if arguments.json else sys.stdout, flush=True)
-
-
-def _options(arguments):
-    """The options of a run."""
-    say = partial(_say, arguments)
-    return {"say": say, "resume": arguments.resume, "debug": arguments.debug}
 
 
 def _result(arguments, paper, run):
@@ -86,15 +76,18 @@ def _result(arguments, paper, run):
     return result
 
 
-def _find_build(arguments):
-    """Where build/ cannot be written, a folder in that of --out takes its place."""
+def _prepare(arguments):
+    """Lines of progress go to standard error where JSON goes to the other; where build/ cannot be
+    written, a folder in that of --out takes its place.
+    """
+    arguments.say = partial(print, file=sys.stderr if arguments.json else sys.stdout, flush=True)
     closed = paths.BUILD
     if paths.writable(closed):
         return
     if not arguments.out:
         raise OSError(f"{closed} cannot be written; name a folder: --out DIR")
     os.environ["TBDCORE_BUILD"] = str(pages.usable(arguments.out) / "build")
-    _say(arguments, f"{closed} cannot be written; executed notebooks go to {paths.BUILD}")
+    arguments.say(f"{closed} cannot be written; executed notebooks go to {paths.BUILD}")
 
 
 def _values(paper, arguments, *more):
@@ -135,7 +128,7 @@ def _find_clusters(jobs, arguments):
     """Say what the dask clusters that some sets of parameters name have."""
     for address in {values.get("scheduler", "") for values in jobs} - {""}:
         workers, threads = trials.cluster(address)
-        _say(arguments, f"scheduler {address}: workers {workers}, threads {threads}")
+        arguments.say(f"scheduler {address}: workers {workers}, threads {threads}")
 
 
 def score_command(arguments):

@@ -1,19 +1,11 @@
 """The notebooks as objects: found by paper, imported as modules, executed with checked parameters.
 
-A *page* is a notebook ``notebooks/NN_<paper>.ipynb``.  Two of its tags matter here.
+A *page* is a notebook ``notebooks/NN_<paper>.ipynb``.  Its cells with the tag ``algorithm`` hold
+the paper's method.  The one cell with the tag ``parameters`` has lines such as
 
-``parameters``
-    the one cell whose lines read ``name: type = default  # meaning; range; quick value``, for
-    instance
-
-        ``track_pfa: float = 0.1  # track false-alarm probability P_F; in (0, 1)``
-        ``n_trials: int = 1000  # Monte Carlo trials; in [1, inf); quick 40``
-        ``reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"``
-        ``snr_db: list = [3, 4, 5]  # SNR grid, dB; in [-30, 40]; increasing``
-
-``algorithm``
-    the cells that hold the paper's method.  ``page`` makes them a module, so that tests, benchmarks
-    and a user's own script run exactly what the page shows.
+    n_trials: int = 1000  # Monte Carlo trials; in [1, inf); quick 40
+    reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"
+    snr_db: list = [3, 4, 5]  # SNR grid, dB; in [-30, 40]; increasing
 """
 
 import ast
@@ -116,10 +108,8 @@ def has_ledger(paper):
 
 
 def paper_of(word, known=None):
-    """The paper that a word names: its key, its number, or its notebook (``dp_tbd``, ``01``,
-    ``notebooks/01_dp_tbd.ipynb``).
-
-    ValueError, with the nearest of the `known` ones, when it is none of these.
+    """The paper that a word names: ``dp_tbd``, ``01``, ``notebooks/01_dp_tbd.ipynb``; ValueError,
+    with the nearest of the `known` ones, when there is none.
     """
     known, names = known or notebooks(), {}
     for paper in known:
@@ -134,13 +124,12 @@ def paper_of(word, known=None):
 def path(paper):
     """The notebook of a paper; raises ValueError, with the nearest name, when there is none."""
     known = _notebooks()
-    return known[paper] if paper in known else known[paper_of(paper)]
+    return known[paper if paper in known else paper_of(paper)]
 
 
 def cells(paper, tag=None):
-    """Sources of a notebook's code cells, those with a tag if one is given.
-
-    Raises ValueError, naming the file, when it is no notebook.
+    """Sources of a notebook's code cells, those with a tag if one is given; ValueError, naming the
+    file, when it is no notebook.
     """
     file = path(paper)
     try:
@@ -154,9 +143,8 @@ def cells(paper, tag=None):
 
 
 def page(paper):
-    """A notebook's cells tagged ``algorithm`` as a module, whose functions reach worker processes.
-
-    Its kernels are cached on disk, by the page's and the core's sources.
+    """A notebook's cells tagged ``algorithm`` as a module, so that tests, benchmarks and a user's
+    script run exactly what the page shows.  Its functions reach worker processes.
     """
     import cloudpickle
 
@@ -166,23 +154,17 @@ def page(paper):
             return sys.modules[name]
         core = [file.read_bytes() for file in products.imported(source)]  # its kernels go along
         key = products.digest([source.encode(), *core])
+        file = paths.BUILD / "pages" / f"{paper}_{key}.py"  # for Numba's cache and tracebacks
+        if not file.is_file():
+            if not paths.writable(file.parent):
+                file = Path(tempfile.mkdtemp(prefix="tbdcore_"), file.name)
+            products.write(file.parent, {file.name: source.encode()})
         module = types.ModuleType(name, f"The algorithm cells of {path(paper).name}.")
-        module.__file__ = str(_written(f"{paper}_{key}.py", source.encode()))
-        module.__source__ = source
-        exec(compile(source, module.__file__, "exec"), module.__dict__)
+        module.__file__, module.__source__ = str(file), source
+        exec(compile(source, file, "exec"), module.__dict__)
         sys.modules[name] = module
         cloudpickle.register_pickle_by_value(module)
     return module
-
-
-def _written(name, source):
-    """A file of the source, for Numba's cache and tracebacks: in build/ if that can be written."""
-    file = paths.BUILD / "pages" / name
-    if not file.is_file():
-        if not paths.writable(file.parent):
-            file = Path(tempfile.mkdtemp(prefix="tbdcore_"), name)
-        products.write(file.parent, {name: source})
-    return file
 
 
 def parameters(paper):
@@ -243,8 +225,8 @@ def remake(paper, values):
 
 
 def destination(paper, values):
-    """The folder for the products of a run; ValueError if it is not :func:`usable`, or holds the
-    repository's figures and the parameters are not their defaults.
+    """The folder for the products of a run; ValueError if that of the repository's figures should
+    get products of other parameters than the defaults, or like :func:`usable`.
     """
     folder = usable(values.get("out") or paths.figures())
     if changed(paper, values) and folder == paths.PRODUCTS.resolve():
@@ -254,10 +236,8 @@ def destination(paper, values):
 
 
 def usable(out):
-    """The folder of a name, made if need be; raises ValueError when it cannot be written.
-
-    A relative folder is made with its parents; an absolute one only if its parent exists, since a
-    typing mistake should not grow a tree somewhere.
+    """The folder of a name, made if need be; ValueError when it cannot be written.  The parent of
+    an absolute one must exist: a typing mistake should not grow a tree somewhere.
     """
     folder, advice = Path(out), "give a folder that can be written, such as build/try"
     if folder.is_absolute() and not folder.parent.is_dir():
@@ -272,9 +252,8 @@ def usable(out):
 
 
 def digest(paper):
-    """Short hash of the meaning of what makes a paper's products: the parsed code of notebook,
-    imported modules and used pages, the claims file but for its causes and the readings but for
-    their words; for the index also the verdicts and the advice that it shows.
+    """Short hash of what makes a paper's products: the meaning of notebook, imported modules and
+    used pages; claims without causes, readings without words; the tables that the index shows.
     """
     used = re.findall(r'\bpage\("(\w+)"\)', "\n".join(cells(paper)))
     others = [cell for name in sorted({*used} - {paper}) for cell in cells(name, "algorithm")]
@@ -299,9 +278,8 @@ def digest(paper):
 def execute(paper, values, output):
     """Run a notebook through papermill with parameters as `validate` returns them.
 
-    The executed notebook appears at `output` when the run has succeeded; after a failure it is left
-    beside it as ``*.failed.ipynb``.  Raises RuntimeError when a cell fails or the kernel dies,
-    OSError when there is no kernel to run in.
+    The executed notebook is at `output`, that of a failed run at :func:`failed_at`.  RuntimeError
+    when a cell fails or the kernel dies, OSError when there is no kernel to run in.
     """
     from jupyter_client.kernelspec import NoSuchKernel
     from nbclient.exceptions import DeadKernelError
@@ -337,17 +315,17 @@ def failed_at(output):
 
 
 def clean(notebook):
-    """A papermill result as it is committed: without timings, metadata of papermill, standard error
-    and injected cells.
-
-    What has the tag ``hide-input`` is folded in JupyterLab as well, and a picture's alternative
-    text stands in the cell's metadata too, where the book looks for it.
+    """A papermill result as it is committed: without timings, papermill's metadata, standard error
+    and injected cells; input with the tag ``hide-input`` folded in JupyterLab too; a picture's
+    alternative text also in the cell's metadata, where the book looks for it.
     """
-    cells = [it for it in notebook["cells"] if "injected-parameters" not in _tags(it)]
-    for cell in cells:
-        cell["metadata"] = {"tags": _tags(cell)} if _tags(cell) else {}
-        if "hide-input" in _tags(cell):
+    cells = []
+    for cell in notebook["cells"]:
+        tags = cell["metadata"].get("tags", [])
+        cell["metadata"] = {"tags": tags} if tags else {}
+        if "hide-input" in tags:
             cell["metadata"]["jupyter"] = {"source_hidden": True}
+        cells += [cell] if "injected-parameters" not in tags else []
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     for count, cell in enumerate(code, start=1):
         cell["execution_count"] = count
@@ -359,7 +337,3 @@ def clean(notebook):
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     about = {"kernelspec": kernel, "language_info": {"name": "python"}}
     return notebook | {"cells": cells, "metadata": about}
-
-
-def _tags(cell):
-    return cell["metadata"].get("tags", [])

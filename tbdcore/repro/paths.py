@@ -2,11 +2,8 @@
 
 The repository is the folder that the environment variable ``TBDCORE_REPOSITORY`` names; else the
 one that this package is installed from, in place; else the current folder or the nearest of its
-parents.  A folder is a repository if it holds ``notebooks/`` and ``data/papers.toml``.  Without
-one, every path but ``PACKAGE`` raises OSError.
-
-``TBDCORE_FIGURES`` moves the products of default runs elsewhere: the tests use it, so that
-checking the committed figures never rewrites them.  ``TBDCORE_BUILD`` moves ``build/``.
+parents.  It holds ``notebooks/`` and ``data/papers.toml``.  Without one, every path but ``PACKAGE``
+raises OSError.  ``TBDCORE_FIGURES`` moves the products of default runs, ``TBDCORE_BUILD`` the rest.
 """
 
 import os
