@@ -19,6 +19,7 @@ GOOD, FAILED, USAGE, ENVIRONMENT, INTERRUPTED = 0, 1, 2, 3, 130
 PAPER = {"metavar": "PAPER", "help": "name, number or notebook, as tbdcore list shows them"}
 FLAG = {"action": "store_true"}
 TEXTS = {"action": "append", "default": []}
+FORM = {"action": "store_const", "dest": "form"}
 OPTIONS = {
     "papers": PAPER | {"nargs": "*"},
     "paper": PAPER,
@@ -41,20 +42,19 @@ OPTIONS = {
     "--in-place": FLAG | {"help": "refresh the committed notebooks as well"},
     "--check": FLAG | {"help": "write nothing; fail when a file is stale"},
     "--figures": {"metavar": "DIR", "help": "folder with the products, instead of figures/"},
+    "--bibtex": FORM | {"const": "bibtex", "help": "entries of the paper and of this repository"},
+    "--caption": FORM | {"const": "caption", "help": "the caption alone"},
+    "--latex": FORM | {"const": "latex", "help": "a complete figure or table environment"},
+    "--markdown": FORM | {"const": "markdown", "help": "for Markdown"},
     "--debug": FLAG | {"default": argparse.SUPPRESS, "help": "show the traceback of an error"},
 }
-FORMS = {  # of a citation, one at a time
-    "bibtex": "entries of the paper and of this repository",
-    "caption": "the caption alone",
-    "latex": "a complete figure or table environment",
-    "markdown": "for Markdown",
-}
+CITING = "id --figures --bibtex|--caption|--latex|--markdown"
 RUNNING = "--out -p --quick --workers --scheduler --resume --json"
-COMMANDS = {  # what it does, its options
+COMMANDS = {  # what it does, its options; of a|b at most one
     "run": ("execute notebooks; all if none is named", f"papers {RUNNING} --in-place"),
     "sweep": ("execute one notebook for each value of a parameter", f"paper values {RUNNING}"),
     "score": ("write the scorecard of all papers", "--figures --check"),
-    "cite": ("caption, files and BibTeX of a product; without an id all ids", "id --figures"),
+    "cite": ("caption, files and BibTeX of a product; without an id all ids", CITING),
     "which": ("what a file is, what made it, what has changed since", "file --figures"),
     "list": ("the papers; of one paper its parameters and products", "[paper] --figures"),
     "doctor": ("whether this machine can run it all, with a self-test", ""),
@@ -121,11 +121,9 @@ def _answer(words):
         advice = f"this needs the extra {extra}: pip install 'tbdcore[{extra}]'"
         return report(f"{error.name} is missing; {advice}", ENVIRONMENT, debug)
     except Exception as error:
-        for kind, code in CODES.items():
-            if isinstance(error, kind):
-                return report(error, code, debug)
+        code = next((code for kind, code in CODES.items() if isinstance(error, kind)), None)
         bug = f"{type(error).__name__}: {error}; this is a bug, --debug shows where"
-        return report(bug, FAILED, debug)
+        return report(error if code else bug, code or FAILED, debug)
 
 
 def report(error, code, debug=False):
@@ -182,11 +180,10 @@ def _parse(words):
         after = f"examples:{examples}"
         own = group.add_parser(name, help=help, description=help, epilog=after, **look)
         own.set_defaults(parser=own)
-        for option in (*options.split(), "--debug"):
-            own.add_argument(option.strip("[]"), **OPTIONS[option])
-    forms = group.choices["cite"].add_mutually_exclusive_group()
-    for form, help in FORMS.items():
-        forms.add_argument(f"--{form}", help=help, dest="form", action="store_const", const=form)
+        for choice in (*options.split(), "--debug"):
+            place = own.add_mutually_exclusive_group() if "|" in choice else own
+            for option in choice.split("|"):
+                place.add_argument(option.strip("[]"), **OPTIONS[option])
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")

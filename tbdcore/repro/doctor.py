@@ -1,7 +1,6 @@
 """Whether this machine can reproduce the papers.
 
-Each check is a function that returns what it found, or raises :class:`Problem` with what is wrong
-and what to do.
+Each check returns whether all is well, and what it found, or what is wrong and what to do.
 """
 
 import contextlib
@@ -24,19 +23,14 @@ STREAM = 0x052D27BA31D1AF10  # first output of the stream (seed 20, trial 0)
 PYTHON = shlex.quote(sys.executable)
 
 
-class Problem(Exception):
-    """What is wrong, and what to do."""
-
-
 def examine():
     """Every check in turn; yields (good, line)."""
     for title, check in CHECKS.items():
         try:
-            yield True, f"{title}: {check()}"
-        except Problem as problem:
-            yield False, f"{title}: {problem}"
+            good, found = check()
         except Exception as error:  # the check itself failed
-            yield False, f"{title}: {type(error).__name__}: {error}; {_install()}"
+            good, found = False, f"{type(error).__name__}: {error}; {_install()}"
+        yield good, f"{title}: {found}"
 
 
 def _install():
@@ -62,8 +56,9 @@ def packages():
             wrong.append(f"{name} is {have}, the lock has {version}")
     if wrong:
         more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
-        raise Problem(f"{', '.join(wrong[:3])}{more}; {_install()}")
-    return f"Python {sys.version.split()[0]}, {len(wanted)} distributions as in {paths.LOCK.name}"
+        return False, f"{', '.join(wrong[:3])}{more}; {_install()}"
+    python, lock = sys.version.split()[0], paths.LOCK.name
+    return True, f"Python {python}, {len(wanted)} distributions as in {lock}"
 
 
 def jupyter_kernel():
@@ -72,10 +67,11 @@ def jupyter_kernel():
     try:
         program = jupyter_client.kernelspec.KernelSpecManager().get_kernel_spec("python3").argv[0]
     except jupyter_client.kernelspec.NoSuchKernel:
-        raise Problem(f"no Jupyter kernel python3; {make}") from None
-    if os.path.isabs(program) and Path(program).parent != Path(sys.executable).parent:
-        raise Problem(f"the Jupyter kernel python3 runs {program}, not this Python; {make}")
-    return f"python3 runs {program if os.path.isabs(program) else sys.executable}"
+        return False, f"no Jupyter kernel python3; {make}"
+    program = program if os.path.isabs(program) else sys.executable
+    if Path(program).parent != Path(sys.executable).parent:
+        return False, f"the Jupyter kernel python3 runs {program}, not this Python; {make}"
+    return True, f"python3 runs {program}"
 
 
 def folders():
@@ -85,8 +81,8 @@ def folders():
     places[Path(gettempdir())] = "name another folder: TMPDIR=DIR"
     for place, advice in places.items():
         if not paths.writable(place):
-            raise Problem(f"{place} cannot be written; {advice}")
-    return f"{', '.join(map(str, places))} can be written"
+            return False, f"{place} cannot be written; {advice}"
+    return True, f"{', '.join(map(str, places))} can be written"
 
 
 def self_test():
@@ -102,8 +98,8 @@ def self_test():
     }
     if wrong := ", ".join(name for name, good in known.items() if not good):
         cache = f"{paths.PACKAGE}/__pycache__"
-        raise Problem(f"{wrong}: not the known result; remove {cache}, then {_install()}")
-    return f"{', '.join(known)}: the known results"
+        return False, f"{wrong}: not the known result; remove {cache}, then {_install()}"
+    return True, f"{', '.join(known)}: the known results"
 
 
 def _draw(seed, i):

@@ -182,14 +182,6 @@ class Portfolio:
         """Keep the table of what breaks the method, in the same way."""
         return self.advice(frame, caption, "breaks")
 
-    def drawn_files(self):
-        """All files by name, those too that a process of its own has drawn."""
-        for job in self.waiting:
-            self.files |= job.result()
-        if self.pool is not None:
-            self.pool.shutdown()
-        return self.files
-
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
             wrong = "is no name; use small letters, digits and underscores"

@@ -7,11 +7,11 @@ raises OSError.  ``TBDCORE_FIGURES`` moves the products of default runs, ``TBDCO
 """
 
 import os
-import tempfile
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]  # the modules themselves, wherever they are installed
 PLACES = {
+    "ROOT": ".",
     "NOTEBOOKS": "notebooks",  # NN_<paper>.ipynb, committed executed
     "BIBLIOGRAPHY": "data/papers.toml",
     "CLAIMS": "data/claims",  # <paper>.csv: what the papers publish
@@ -36,8 +36,6 @@ def root():
 
 
 def __getattr__(name):
-    if name == "ROOT":
-        return root()
     if name == "BUILD" and os.environ.get("TBDCORE_BUILD"):
         return Path(os.environ["TBDCORE_BUILD"]).resolve()
     if name in PLACES:
@@ -52,10 +50,5 @@ def figures():
 
 def writable(folder):
     """Whether files can be made in a folder, or in the one that it would be made in."""
-    while not folder.exists():
-        folder = folder.parent
-    try:
-        tempfile.TemporaryFile(dir=folder).close()
-    except OSError:
-        return False
-    return True
+    made = next(each for each in (folder, *folder.parents) if each.exists())
+    return made.is_dir() and os.access(made, os.W_OK | os.X_OK)

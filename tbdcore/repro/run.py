@@ -45,7 +45,11 @@ class Run(figures.Portfolio):
         """
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}
-        files = verdicts | self.drawn_files()  # a product's JSON is the last of its files
+        for job in self.waiting:
+            self.files |= job.result()
+        if self.pool is not None:
+            self.pool.shutdown()
+        files = verdicts | self.files  # a product's JSON is the last of its files
         folder = self.folder / self.paper
         products.write(folder, files, old=self._abandoned(folder))
         judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"

@@ -5,9 +5,6 @@ them, ``rng = generator(seed, "track_cfar", "fig05", i, "noise")``, one for each
 ``truth`` (what the world does), ``noise`` (what the radar adds), ``filter`` (what the algorithm
 draws).  Nothing else is random.  So trial 17 can be run again alone, ``trial(seed, 17)``; two
 algorithms see the same scenes; one worker and a hundred give the same bits.
-
-The key of a stream is ``SeedSequence(seed, spawn_key=(paper, experiment, trial, purpose))``.  Names
-become integers by CRC-32, which is the same on every machine (Python's own ``hash`` is not).
 """
 
 import contextlib
@@ -31,10 +28,10 @@ DAY = 86400  # seconds an idle process waits; loky prints a warning when one lea
 
 
 def generator(seed, paper, experiment, trial, purpose):
-    """Random generator of one purpose in one trial.
+    """Random generator of one purpose in one trial: ``SeedSequence(seed, spawn_key=(paper,
+    experiment, trial, purpose))``, with the names as CRC-32, the same on every machine.
 
-    `seed` and `trial` are integers >= 0, `paper` and `experiment` names that keep streams apart,
-    `purpose` is "truth", "noise" or "filter"; anything else is a ValueError.
+    `seed` and `trial` are integers >= 0, `purpose` one of PURPOSES; anything else is a ValueError.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"trials.generator: purpose {purpose!r} is none of {', '.join(PURPOSES)}")
@@ -50,10 +47,8 @@ def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials
     A trial returns a number, an array, or a (named) tuple of them, always in the same shapes.
     `workers` are processes on this machine; 0: one for each core, 1: none, the loop runs here.
     `scheduler` is the address of a dask scheduler; an `executor` (concurrent.futures.Executor) is
-    used instead of both, and left open.
-
-    Raises ValueError for a bad count, ConnectionError when no scheduler answers, and RuntimeError
-    when a trial raises: the message names the trial, so that it can be run again alone.
+    used instead of both, and left open.  ValueError for a bad count, ConnectionError when no
+    scheduler answers, RuntimeError, which names the trial, when one raises.
     """
     for name, value, least in (("n", n, 1), ("workers", workers, 0), ("seed", seed, 0)):
         if not isinstance(value, int | np.integer) or value < least:
@@ -108,8 +103,7 @@ def _life():
 
 @contextlib.contextmanager
 def _client(address):
-    """Client of the dask scheduler at an address; all its workers have the sources of this process.
-
+    """Client of the dask scheduler at an address, whose workers have the sources of this process;
     ConnectionError when nobody answers, no worker comes soon, or one has other sources.
     """
     from distributed import Client
