@@ -25,6 +25,8 @@ import threading
 import types
 from pathlib import Path
 
+import cloudpickle
+
 from tbdcore.repro import claims, paths, products
 from tbdcore.repro.claims import nearest
 
@@ -146,8 +148,6 @@ def page(paper):
     """A notebook's cells tagged ``algorithm`` as a module, so that tests, benchmarks and a user's
     script run exactly what the page shows.  Its functions reach worker processes.
     """
-    import cloudpickle
-
     name, source = f"tbdcore_page_{paper}", "\n\n\n".join(cells(paper, "algorithm"))
     with _ONE_AT_A_TIME:  # a worker may have threads, and all of them may ask for the page at once
         if name in sys.modules and sys.modules[name].__source__ == source:

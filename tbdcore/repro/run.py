@@ -15,8 +15,8 @@ def begin(paper, namespace):
     """Open a notebook's run: ``ledger, portfolio = tbdcore.begin("track_cfar", vars())``.
 
     Checks every parameter (of a misspelt one papermill makes a plain variable, and goes on), puts
-    coerced values back into `namespace`, and tries the output folder.  Returns a Ledger of claims,
-    or None on a page that judges no paper, and a :class:`Run`.
+    coerced values back into `namespace`, and tries the output folder.  Without claims the ledger is
+    None.
     """
     names = [name for name in namespace if isinstance(namespace[name], int | float | str | list)]
     own = [name for name in names if not name.startswith("_") and name != "In"]
@@ -38,10 +38,9 @@ class Run(figures.Portfolio):
     """The portfolio of a notebook, which its last cell publishes."""
 
     def publish(self, ledger=None):
-        """Write all products and verdicts.csv; raises, and writes nothing, if a claim has none.
+        """Write all products and verdicts.csv; nothing, and ValueError, if a claim has no verdict.
 
-        A page that judges no paper has no ledger.  After a default run whose first screen shows
-        other verdicts than those now written, raises RuntimeError: run it again.
+        RuntimeError after a default run whose first screen shows other things than it has written.
         """
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}

@@ -48,10 +48,8 @@ class Table(str):
 
 
 def outcome(paper, rows):
-    """The table of a first screen: for each row what, published, measured, verdict.
-
-    `rows` maps what is measured, in words, to the id of its claim.  Without committed verdicts
-    the table says "not yet run".
+    """The table of a first screen: for each row what, published, measured, verdict; `rows` maps
+    what is measured, in words, to the id of its claim.
     """
     return Table(_show(paper, "outcome", partial(_outcome, paper, dict(rows))))
 
@@ -133,10 +131,9 @@ def _number(value, se):
 
 
 def this_run(ledger, rows):
-    """Published values beside those of the present run, without verdicts.
-
-    `rows` maps what is measured, in words, to (id of its claim, measured, standard error), an empty
-    id where nothing is published; the id alone shows a claim that the ledger has judged.
+    """Published values beside those of the present run, without verdicts; `rows` maps what is
+    measured, in words, to (id of its claim or "", measured, standard error), or to the id alone of
+    a claim that the ledger has judged.
     """
     lines = []
     for what, row in rows.items():
@@ -172,27 +169,25 @@ def check_table(where, frame, figures):
 
 def _fault(column, value, row, figures):
     """What is wrong with a cell, in words; empty if nothing is."""
+    low = {"se": 0.0, "tested_to": row.get("tested_from")}.get(column, -math.inf)
+    high = math.inf if column == "breaks_at" else 1e300  # infinity: nothing breaks it
     if column == "figure" and value not in figures:
         return f"is no figure of this run; the nearest is {claims.nearest(str(value), figures)!r}"
     if column in WORDS:
         return "" if isinstance(value, str) and value.strip() else "is no text; say it in words"
-    limit = math.inf if column == "breaks_at" else 1e300  # infinity: nothing breaks it
-    if isinstance(value, bool) or not isinstance(value, Real) or not -limit <= value <= limit:
+    if isinstance(value, bool) or not isinstance(value, Real) or not -high <= value <= high:
         return "is no number; give one"
-    low = {"se": 0.0, "tested_to": row.get("tested_from")}.get(column, -math.inf)
     return "" if value >= low else f"is below {low:g}; correct one"
 
 
 def read_advice(papers, folder=None):
-    """The advice of some papers, one row each, the paper's name in front; none before a run.
-    Raises ValueError, naming the file, for another table.
-    """
-    tables = [pd.DataFrame(columns=["paper", *ADVICE])]
-    for paper in papers:
-        file = (folder or paths.figures()) / paper / "advice.csv"
-        table = pd.read_csv(file) if file.is_file() else tables[0][ADVICE]
+    """The advice of some papers, the paper's name in front; ValueError for another table."""
+    files = {paper: (folder or paths.figures()) / paper / "advice.csv" for paper in papers}
+    tables = {paper: pd.read_csv(file) for paper, file in files.items() if file.is_file()}
+    for paper, table in tables.items():
         if list(table.columns) != ADVICE:
             wrong = f"its columns are not {', '.join(ADVICE)}"
-            raise ValueError(f"{file}: {wrong}; make it anew: tbdcore run {paper}")
-        tables += [table.assign(paper=paper)[["paper", *ADVICE]]] if len(table) else []
-    return pd.concat(tables[1:] or tables, ignore_index=True)
+            raise ValueError(f"{files[paper]}: {wrong}; make it anew: tbdcore run {paper}")
+    if not tables:
+        return pd.DataFrame(columns=["paper", *ADVICE])
+    return pd.concat(tables, names=["paper", None]).reset_index("paper").reset_index(drop=True)
