@@ -1,9 +1,8 @@
 """Runs: one notebook in a process of its own, or one notebook over a list of values.
 
-The notebook runs in a child process (this module's ``__main__``) with a session of its own.  An
-interrupt of the parent ends the child and everything that it started; the child does the same when
-its parent has disappeared.  What processes that were killed have left, the next run removes.
-How long a run took is kept beside the executed notebook, so that the next one can say it.
+The child process (this module's ``__main__``) has a session of its own.  An interrupt of the parent
+ends the child and everything that it started; the child does the same when its parent has
+disappeared.  What processes that were killed have left, the next run removes.
 """
 
 import contextlib
@@ -16,7 +15,6 @@ import shutil
 import sys
 import time
 import traceback
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,7 +25,6 @@ QUIET = {  # loky cleans up after killed workers, and says so; the debugger comm
     "PYTHONWARNINGS": "ignore::UserWarning:loky.backend.resource_tracker",
     "PYDEVD_DISABLE_FILE_VALIDATION": "1",
 }
-KINDS = {"ValueError": ValueError, "OSError": OSError, "RuntimeError": RuntimeError}
 TABLE = ("value", "claim", "evidence", "published", "measured", "se", "n", "z", "verdict")
 
 
@@ -47,44 +44,40 @@ class Result(NamedTuple):
 def run(paper, values, output, *, say=print, resume=False, debug=False):
     """Execute a notebook with checked parameters; returns its :class:`Result`, of a failed run too.
 
-    `values` are parameters as :func:`tbdcore.repro.pages.validate` returns them, `output` the path
-    of the executed notebook; `say` gets the lines of progress; `resume` skips what is done; `debug`
-    prints the traceback of a run that fails.  KeyboardInterrupt is raised after everything that the
-    run had started has ended.
+    `output` is the path of the executed notebook; `say` gets the lines of progress; `resume` skips
+    what is done; `debug` prints the traceback of a run that fails.  KeyboardInterrupt is raised
+    after everything that the run had started has ended.
     """
     folder, start = Path(values.get("out") or paths.figures()), time.monotonic()
     result = Result(paper, 0.0, {}, str(folder / paper), str(output))
     if left := _remove_leftovers(folder / paper, output.parent):
         say(f"{paper}: removed what a killed run had left: {', '.join(left)}")
     if resume and done(paper, values, folder):
-        kept, found = str(output) if output.is_file() else "", counts(paper, folder)
-        say(f"{paper}: skipped, its products have these sources and parameters ({summary(found)})")
+        found, summary = counts(paper, folder)
+        say(f"{paper}: skipped, its products have these sources and parameters ({summary})")
+        kept = str(output) if output.is_file() else ""
         return result._replace(verdicts=found, skipped=True, notebook=kept)
-    clock, expected = output.with_suffix(".seconds"), ""
-    with contextlib.suppress(OSError, ValueError):
-        expected = f"{float(clock.read_text()):.0f} s"
-    say(f"{paper}: running" + (f", {expected} the last time" if expected else ""))
+    say(f"{paper}: running")
     try:
-        _execute(paper, values, output, partial(_show_time, paper, start, expected), debug)
+        _execute(paper, values, output, debug)
     except RuntimeError as error:
         fault = {"status": FAILED, "error": str(error), "notebook": str(pages.failed_at(output))}
         return result._replace(seconds=round(time.monotonic() - start, 1), **fault)
-    seconds, found = round(time.monotonic() - start, 1), counts(paper, folder)
-    products.write(clock.parent, {clock.name: f"{seconds}\n".encode()})
+    result = result._replace(seconds=round(time.monotonic() - start, 1))
+    found, summary = counts(paper, folder)
     if found:
         few = smaller(paper, values)
-        say(f"{paper}: {summary(found)}" + (f"; verdicts void: {few}" if few else ""))
-    say(f"{paper}: {seconds:.0f} s; products in {folder / paper}")
-    return result._replace(seconds=seconds, verdicts=found)
+        say(f"{paper}: {summary}" + (f"; verdicts void: {few}" if few else ""))
+    say(f"{paper}: {result.seconds:.0f} s; products in {folder / paper}")
+    return result._replace(verdicts=found)
 
 
-def sweep(paper, name, runs, folder, *, say=print, **options):
+def sweep(paper, name, runs, folder, **options):
     """Run a notebook once for each value of a parameter; yields the Result of each run.
 
     `runs` is a list of (value, parameters), `options` are those of :func:`run`.  The products of a
-    value go to ``folder/<name>=<value>/``.  After each value ``folder/<name>.csv`` holds the
-    verdicts so far, a row for each value and claim, and ``folder/<name>_shares.csv`` for each claim
-    the share of the values with each verdict.
+    value go to ``folder/<name>=<value>/``.  ``folder/<name>.csv`` holds the verdicts so far, and
+    ``folder/<name>_shares.csv`` for each claim the share of the values with each verdict.
     """
     import pandas as pd
 
@@ -92,8 +85,8 @@ def sweep(paper, name, runs, folder, *, say=print, **options):
     for value, values in runs:
         place = folder / f"{name}={value}"
         output, values = place / pages.path(paper).name, values | {"out": str(place)}
-        say(f"{name} = {value}")
-        result = run(paper, values, output, say=say, **options)
+        options["say"](f"{name} = {value}")
+        result = run(paper, values, output, **options)
         if result.status == GOOD:
             table = claims.verdicts(paper, place).rename(columns={"id": "claim"})
             tables.append(table.assign(value=value))
@@ -105,14 +98,9 @@ def sweep(paper, name, runs, folder, *, say=print, **options):
 
 def shares(table):
     """For each claim of a sweep's table the number of values and the share with each verdict."""
-    import pandas as pd
-
-    each = pd.get_dummies(table["verdict"], dtype=float)
-    each = each.reindex(columns=list(claims.VERDICTS), fill_value=0.0)
-    grouped = each.groupby([table["claim"], table["evidence"]], sort=False)
-    share = grouped.mean()
-    share.insert(0, "values", grouped.size())
-    return share.reset_index()
+    claim = table.groupby(["claim", "evidence"], sort=False)["verdict"]
+    each = {v: claim.agg(lambda found, v=v: (found == v).mean()) for v in claims.VERDICTS}
+    return claim.size().to_frame("values").assign(**each).reset_index()
 
 
 def done(paper, values, folder):
@@ -123,28 +111,21 @@ def done(paper, values, folder):
     if not made or not wanted <= set(os.listdir(folder / paper)):
         return False
     now = {"digest": pages.digest(paper), "versions": products.versions()}
-    now["parameters"] = _settings(paper, values)
+    every = {name: one.default for name, one in pages.parameters(paper).items()} | values
+    now["parameters"] = {name: every[name] for name in every if name not in pages.EXECUTION}
     return all(about | now == about for about in made)
 
 
 def counts(paper, folder):
-    """How many claims of each kind a folder's verdicts have, as the scorecard counts them; none for
-    a page that judges no paper.
+    """How many claims of each kind a folder's verdicts have, as the scorecard counts them, and that
+    as text; none for a page that judges no paper.
     """
     if paper not in claims.papers():
-        return {}
-    found = claims.counts(claims.verdicts(paper, folder))
-    return {name: n for name, n in found.items() if isinstance(n, int) and n and name != "claims"}
-
-
-def summary(found):
-    """Counts of claims as text: the measured ones by verdict, then the others."""
-    if not found:
-        return "no claims"
-    measured = {name: n for name, n in found.items() if name.startswith("measured: ")}
-    each = ", ".join(f"{n} {name.partition(': ')[2]}" for name, n in measured.items())
-    others = [f"{n} {name}" for name, n in found.items() if name not in measured]
-    return ", ".join([f"{sum(measured.values())} measured ({each or 'none'})", *others])
+        return {}, "no claims"
+    found = claims.counts(claims.verdicts(paper, folder)).items()
+    found = {name: n for name, n in found if isinstance(n, int) and n and name != "claims"}
+    each = [f"{n} {name.removeprefix('measured: ')}" for name, n in found.items()]
+    return found, ", ".join(each)
 
 
 def smaller(paper, values):
@@ -154,22 +135,15 @@ def smaller(paper, values):
     return ", ".join(f"{name} {values[name]} of {full[name]}" for name in few)
 
 
-def _settings(paper, values):
-    """All parameters that can change a result, as they are read back from JSON."""
-    every = {name: one.default for name, one in pages.parameters(paper).items()} | values
-    return json.loads(json.dumps({k: every[k] for k in every if k not in pages.EXECUTION}))
-
-
-def _show_time(paper, start, expected):
-    """The time that a run has taken so far, on a terminal only."""
-    if sys.stderr.isatty():
-        elapsed, of = time.monotonic() - start, f" of about {expected}" if expected else " s"
-        print(f"\r{paper}: {elapsed:.0f}{of}\033[K\r", end="", file=sys.stderr, flush=True)
-
-
-def _execute(paper, values, output, tick, debug):
+def _execute(paper, values, output, debug):
     """Execute a notebook in a child process; raises as :func:`tbdcore.repro.pages.execute` does."""
-    place = paths.BUILD / f"{paper}.{os.getpid()}.part"
+    place, start = paths.BUILD / f"{paper}.{os.getpid()}.part", time.monotonic()
+
+    def tick():
+        if sys.stderr.isatty():
+            elapsed = f"{time.monotonic() - start:.0f} s"
+            print(f"\r{paper}: {elapsed}\033[K\r", end="", file=sys.stderr, flush=True)
+
     job = json.dumps([paper, values, str(output), str(place), os.getpid()])
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
     environment = QUIET | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
@@ -185,32 +159,33 @@ def _execute(paper, values, output, tick, debug):
 
 
 def _raise_failure(paper, code, place, debug):
-    """Raise what a child process reports in its folder; one that died reports nothing."""
+    """Raise what a child process reports that failed; one that died reports nothing."""
+    if code == 0:
+        return
     log = (place / "log").read_text(encoding="utf-8", errors="replace")
     own = [line.strip() for line in log.split("\n") if "[IPKernelApp]" not in line and line.strip()]
     last = f": {own[-1][:200]}" if own else ""
     kind, error, trace = "", f"{paper}: the run died with code {code}{last}; run it again", log
     with contextlib.suppress(OSError):
         kind, error, trace = json.loads((place / "outcome").read_text(encoding="utf-8"))
-    if error:
-        print(trace if debug else "", end="", file=sys.stderr)
-        error = error.replace("the kernel died;", f"the kernel died{last};")
-        raise KINDS.get(kind, RuntimeError)(error)
+    print(trace if debug else "", end="", file=sys.stderr)
+    error = error.replace("the kernel died;", f"the kernel died{last};")
+    raise (OSError if kind == "OSError" else RuntimeError)(error)
 
 
 def _main(paper, values, output, place, parent):
-    """The child process: executes a notebook and reports in a folder how it ended."""
+    """The child process: executes a notebook and reports in a folder how it failed."""
     processes.end_with_parent(parent)
     logging.disable()
     sys.stderr = io.StringIO()  # so that what is in the file comes from the kernel
-    outcome = "", "", ""
     try:
         pages.execute(paper, values, Path(output))
     except Exception as error:
-        kind = next((name for name, kind in KINDS.items() if isinstance(error, kind)), "")
-        text = str(error) if kind else f"{paper}: {type(error).__name__}: {error}"
-        outcome = kind, text, traceback.format_exc()
-    products.write(Path(place), {"outcome": json.dumps(outcome).encode()})
+        kind = "OSError" if isinstance(error, OSError) else type(error).__name__
+        text = str(error) if kind in ("OSError", "RuntimeError") else f"{paper}: {kind}: {error}"
+        outcome = json.dumps([kind, text, traceback.format_exc()])
+        products.write(Path(place), {"outcome": outcome.encode()})
+        sys.exit(1)
 
 
 def _remove_leftovers(*folders):

@@ -1,11 +1,10 @@
 """Whether this machine can reproduce the papers.
 
-Each check is a function that returns what it found, or raises :class:`Problem` with what is wrong
-and what to do.
+Each check returns whether all is well, and what it found, or what is wrong and what to do.
 """
 
+import contextlib
 import os
-import re
 import shlex
 import sys
 from importlib import metadata
@@ -14,29 +13,24 @@ from tempfile import gettempdir
 
 import jupyter_client.kernelspec
 import numpy as np
-from packaging.markers import Marker
+from packaging.requirements import Requirement
 
+from tbdcore import kalman
 from tbdcore.repro import paths, trials
 
 NAMES = "doctor", "self-test"  # of its random streams
 STREAM = 0x052D27BA31D1AF10  # first output of the stream (seed 20, trial 0)
-LOCKED = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;\\]+)\s*(?:;\s*([^\\]+?))?\s*\\?$", re.MULTILINE)
 PYTHON = shlex.quote(sys.executable)
-
-
-class Problem(Exception):
-    """What is wrong, and what to do."""
 
 
 def examine():
     """Every check in turn; yields (good, line)."""
     for title, check in CHECKS.items():
         try:
-            yield True, f"{title}: {check()}"
-        except Problem as problem:
-            yield False, f"{title}: {problem}"
+            good, found = check()
         except Exception as error:  # the check itself failed
-            yield False, f"{title}: {type(error).__name__}: {error}; {_install()}"
+            good, found = False, f"{type(error).__name__}: {error}; {_install()}"
+        yield good, f"{title}: {found}"
 
 
 def _install():
@@ -46,24 +40,25 @@ def _install():
 
 def locked(text):
     """Versions by distribution that a lock has for this Python and machine."""
-    pins = LOCKED.findall(text)
-    return {name: pin for name, pin, marker in pins if not marker or Marker(marker).evaluate()}
+    pins = [Requirement(line.rstrip(" \\")) for line in text.splitlines() if line[:1].isalnum()]
+    here = [pin for pin in pins if not pin.marker or pin.marker.evaluate()]
+    return {pin.name: str(pin.specifier).removeprefix("==") for pin in here}
 
 
 def packages():
     """Every distribution against the lock."""
     wanted, wrong = locked(paths.LOCK.read_text(encoding="utf-8")), []
     for name, version in wanted.items():
-        try:
+        have = "missing"
+        with contextlib.suppress(metadata.PackageNotFoundError):
             have = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            have = "missing"
         if have != version:
             wrong.append(f"{name} is {have}, the lock has {version}")
     if wrong:
         more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
-        raise Problem(f"{', '.join(wrong[:3])}{more}; {_install()}")
-    return f"Python {sys.version.split()[0]}, {len(wanted)} distributions as in {paths.LOCK.name}"
+        return False, f"{', '.join(wrong[:3])}{more}; {_install()}"
+    python, lock = sys.version.split()[0], paths.LOCK.name
+    return True, f"Python {python}, {len(wanted)} distributions as in {lock}"
 
 
 def jupyter_kernel():
@@ -72,10 +67,11 @@ def jupyter_kernel():
     try:
         program = jupyter_client.kernelspec.KernelSpecManager().get_kernel_spec("python3").argv[0]
     except jupyter_client.kernelspec.NoSuchKernel:
-        raise Problem(f"no Jupyter kernel python3; {make}") from None
-    if os.path.isabs(program) and Path(program).parent != Path(sys.executable).parent:
-        raise Problem(f"the Jupyter kernel python3 runs {program}, not this Python; {make}")
-    return f"python3 runs {program if os.path.isabs(program) else sys.executable}"
+        return False, f"no Jupyter kernel python3; {make}"
+    program = program if os.path.isabs(program) else sys.executable
+    if Path(program).parent != Path(sys.executable).parent:
+        return False, f"the Jupyter kernel python3 runs {program}, not this Python; {make}"
+    return True, f"python3 runs {program}"
 
 
 def folders():
@@ -85,14 +81,12 @@ def folders():
     places[Path(gettempdir())] = "name another folder: TMPDIR=DIR"
     for place, advice in places.items():
         if not paths.writable(place):
-            raise Problem(f"{place} cannot be written; {advice}")
-    return f"{', '.join(map(str, places))} can be written"
+            return False, f"{place} cannot be written; {advice}"
+    return True, f"{', '.join(map(str, places))} can be written"
 
 
 def self_test():
     """Three calculations whose results are known."""
-    from tbdcore import kalman
-
     first = trials.generator(20, *NAMES, 0, "noise").bit_generator.random_raw()
     # covariance of a white acceleration of density q: q T^3/3, q T^2/2, q T
     _, P = kalman.predict_cv(np.zeros(4), np.zeros((4, 4)), 2.0, 3.0)
@@ -104,14 +98,12 @@ def self_test():
     }
     if wrong := ", ".join(name for name, good in known.items() if not good):
         cache = f"{paths.PACKAGE}/__pycache__"
-        raise Problem(f"{wrong}: not the known result; remove {cache}, then {_install()}")
-    return f"{', '.join(known)}: the known results"
+        return False, f"{wrong}: not the known result; remove {cache}, then {_install()}"
+    return True, f"{', '.join(known)}: the known results"
 
 
 def _draw(seed, i):
     """Covariance of a random state, two seconds later."""
-    from tbdcore import kalman
-
     rng = trials.generator(seed, *NAMES, i, "noise")
     return kalman.predict_cv(rng.standard_normal(4), np.diag(rng.random(4)), 2.0, 3.0)[1]
 

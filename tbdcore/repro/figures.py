@@ -1,13 +1,9 @@
 """Figures in one style, saved with their data: the same run gives the same bytes.
 
-A notebook's ``Portfolio`` keeps its products in memory until ``run`` publishes them all.  The files
-of a product are described in ``products``; each PDF, SVG and PNG carries the product's id as its
-title, and neither a date nor anything that changes with a comment.
-
-``COLOURS`` gives each algorithm one colour for the whole repository (Okabe and Ito's palette, which
-the colour-blind can tell apart); ``LINES`` gives it a line style, for print without colour.
-
-This is the only module that imports matplotlib.
+A notebook's ``Portfolio`` keeps its products in memory until ``run`` publishes them all.  Each PDF,
+SVG and PNG carries the product's id as its title, and no date.  ``COLOURS`` gives each algorithm
+one colour everywhere (Okabe and Ito's palette, which the colour-blind can tell apart), ``LINES`` a
+line style, for print without colour.
 """
 
 import io
@@ -62,10 +58,9 @@ NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Softwa
 
 
 class Portfolio:
-    """The products of one paper's run, for ``folder/<paper>/``.
+    """The products of one paper's run, for ``folder/<paper>/``; `provenance` says what made them.
 
-    `provenance` says what made them: parameters, seed, trials, digest, versions.  In `background`,
-    PDF and SVG are drawn by a process of their own while the page goes on: the same bytes.
+    In `background`, PDF and SVG are drawn by a process of their own while the page goes on.
     """
 
     colour = COLOURS
@@ -74,7 +69,6 @@ class Portfolio:
         self.paper, self.folder, self.provenance = paper, folder, provenance
         self.files, self.drawn, self.waiting = {}, {}, []
         self.background, self.pool = background, None
-        matplotlib.rcParams.update(STYLE)
 
     @staticmethod
     def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
@@ -85,10 +79,8 @@ class Portfolio:
         return fig, fig.subplots(rows, cols, **subplots)
 
     def band(self, ax, x, mean, se=None, name="reference", label=None, **style):
-        """A curve, with its 99 % Monte Carlo band where a standard error is given; NaNs are gaps.
-
-        `name` chooses colour and line style; what is drawn is remembered for the figure's CSV under
-        `label`.
+        """A curve in the style of `name`, NaNs are gaps, with a 99 % Monte Carlo band if there is a
+        standard error; what is drawn is remembered for the figure's CSV under `label`.
         """
         style = {"color": COLOURS[name], "ls": LINES.get(name, "-")} | style
         mean = np.asarray(mean, float)
@@ -106,10 +98,7 @@ class Portfolio:
         self._remember(ax, label or name, x, y)
 
     def prediction(self, ax, x, p, runs, name="paper", label=None, **style):
-        """Where a share of `runs` runs falls in 99 % of cases when its probability is p.
-
-        Binomial quantiles, drawn as bars; for published points of `runs` runs beside our curve p.
-        """
+        """Bars in which a share of `runs` runs falls in 99 % of cases when its probability is p."""
         from scipy.special import ndtr
         from scipy.stats import binom
 
@@ -126,21 +115,12 @@ class Portfolio:
             columns["se"] = np.atleast_1d(se)
         self.drawn.setdefault(ax.figure, []).append((ax, pd.DataFrame(columns)))
 
-    def _data(self, fig):
-        """All that `band` and `marks` drew on a figure, with panel numbers if there are several."""
-        drawn = self.drawn.pop(fig, [])
-        if not drawn:
-            return None
-        many = len({ax for ax, _ in drawn}) > 1
-        frames = [frame.assign(panel=fig.axes.index(ax)) if many else frame for ax, frame in drawn]
-        return pd.concat(frames, ignore_index=True)
-
     def save(self, fig, name, data=None, caption="", claims=()):
         """Keep a figure as ``<paper>/<name>``; returns an Exhibit that displays it.
 
-        `data` is a DataFrame of everything drawn; without one it is what `band` and `marks` drew
-        (nothing, in a schematic).  `claims` are the ids of the claims the figure shows.  Raises
-        ValueError for a name that was used before, or a missing caption.
+        `data` is a DataFrame of everything drawn; without one it is what `band` and `marks` drew,
+        with the number of the panel if there are several.  `claims` are the ids of the claims that
+        the figure shows.  ValueError for a name that was used before, or a missing caption.
         """
         id = self._id(name, caption)
         _lay_out(fig)
@@ -153,7 +133,11 @@ class Portfolio:
             self.files |= render(fig, name, id, ("png",))
         else:
             self.files |= render(fig, name, id, tuple(CANVASES))
-        data = self._data(fig) if data is None else data
+        drawn = self.drawn.pop(fig, [])
+        if data is None and drawn:
+            many = len({ax for ax, _ in drawn}) > 1
+            data = [each.assign(panel=fig.axes.index(ax)) if many else each for ax, each in drawn]
+            data = pd.concat(data, ignore_index=True)
         if data is not None:
             self.files[f"{name}.csv"] = products.csv(data)
         self.files[f"{name}.json"] = self._json(id, caption, claims)
@@ -188,25 +172,15 @@ class Portfolio:
         self.files[f"{name}.json"] = self._json(id, caption, claims)
         return frame
 
-    def advice(self, frame, caption):
-        """Keep the table of advice, with the columns ``screen.ADVICE`` and three to five rows."""
-        return self.table(self._checked("advice", frame), "advice", caption)
+    def advice(self, frame, caption, name="advice"):
+        """Keep the table of advice, with columns and number of rows as in ``screen.TABLES``."""
+        figures = [f"{self.paper}/{file[:-4]}" for file in self.files if file.endswith(".png")]
+        screen.check_table(f"{self.paper}/{name}", frame, figures)
+        return self.table(frame, name, caption)
 
     def breaks(self, frame, caption):
-        """Keep the table of what breaks the method, with the columns ``screen.BREAKS``."""
-        return self.table(self._checked("breaks", frame), "breaks", caption)
-
-    def _checked(self, name, frame):
-        figures = [f"{self.paper}/{file[:-4]}" for file in self.files if file.endswith(".png")]
-        return screen.checked(self.paper, name, frame, figures)
-
-    def drawn_files(self):
-        """All files by name, those too that a process of its own has drawn."""
-        for job in self.waiting:
-            self.files |= job.result()
-        if self.pool is not None:
-            self.pool.shutdown()
-        return self.files
+        """Keep the table of what breaks the method, in the same way."""
+        return self.advice(frame, caption, "breaks")
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):

@@ -1,28 +1,16 @@
 """The notebooks as objects: found by paper, imported as modules, executed with checked parameters.
 
-A *page* is a notebook ``notebooks/NN_<paper>.ipynb``.  Two of its tags matter here.
+A *page* is a notebook ``notebooks/NN_<paper>.ipynb``.  Its cells with the tag ``algorithm`` hold
+the paper's method.  The one cell with the tag ``parameters`` has lines such as
 
-``parameters``
-    the one cell whose lines read ``name: type = default  # meaning; range; quick value``, for
-    instance
-
-        ``track_pfa: float = 0.1  # track false-alarm probability P_F; in (0, 1)``
-        ``n_trials: int = 1000  # Monte Carlo trials; in [1, inf); quick 40``
-        ``reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"``
-        ``snr_db: list = [3, 4, 5]  # SNR grid, dB; in [-30, 40]; increasing``
-
-    so that what a reader sees is what is checked: name, type, range, and the value for ``--quick``
-
-``algorithm``
-    the cells that hold the paper's method (imports, scenario, simulation, recursion; no experiment,
-    no plot).  ``page`` makes them a module, so that tests, benchmarks and a user's own script run
-    exactly what the page shows.
+    n_trials: int = 1000  # Monte Carlo trials; in [1, inf); quick 40
+    reading: str = "m"  # how eq. (10) is read; one of "m", "m-r"
+    snr_db: list = [3, 4, 5]  # SNR grid, dB; in [-30, 40]; increasing
 """
 
 import ast
 import contextlib
 import dataclasses
-import io
 import itertools
 import json
 import logging
@@ -34,9 +22,10 @@ import shlex
 import sys
 import tempfile
 import threading
-import tokenize
 import types
 from pathlib import Path
+
+import cloudpickle
 
 from tbdcore.repro import claims, paths, products
 from tbdcore.repro.claims import nearest
@@ -46,7 +35,6 @@ EXECUTION = ("workers", "scheduler", "out")  # parameters that cannot change a r
 # modules that every product passes through
 EVERYWHERE = "from tbdcore.repro import claims, figures, products, screen, trials"
 LARGEST = 2**63  # integers are below, so that any program can read them in a record
-ONLY_DEFAULTS = "the repository's figures are for default parameters"
 _ONE_AT_A_TIME = threading.RLock()  # a page may use others
 
 
@@ -67,16 +55,13 @@ class Parameter:
 
     def coerce(self, value):
         """The value in the parameter's type; ValueError for another type, or out of range."""
-        if self.type == "float" and isinstance(value, int) and not isinstance(value, bool):
-            with contextlib.suppress(OverflowError):
-                value = float(value)
-        shown = reprlib.repr(value)
-        if self.type == "int" and isinstance(value, float) and value.is_integer():
-            value = int(value)  # papermill hands 1e3 over as a float
-        numbers = {"int": [value], "float": [value], "list": value}.get(self.type, [])
-        if type(value) is not TYPES[self.type]:
+        kind, shown = TYPES[self.type], reprlib.repr(value)
+        if kind in (int, float) and isinstance(value, int | float) and not isinstance(value, bool):
+            with contextlib.suppress(OverflowError, ValueError):  # papermill writes 1000 as 1e3
+                value = kind(value) if kind(value) == value else value
+        if type(value) is not kind:
             wrong = f"is {type(value).__name__}; give {self.type}, like {self.default!r}"
-        elif not all(map(self._inside, numbers)):
+        elif not all(map(self._inside, value if kind is list else [value])):
             wrong = f"is out of range; give {self.meaning}, in {self.range()}"
         elif self.choices and value not in self.choices:
             wrong = f"is none of {', '.join(map(repr, self.choices))}"
@@ -99,11 +84,9 @@ class Parameter:
     def _inside(self, number):
         if isinstance(number, str | bool) or not isinstance(number, int | float):
             return self.low == -math.inf and self.high == math.inf
-        if abs(number) >= (LARGEST if isinstance(number, int) else math.inf):
-            return False
-        above = number > self.low if self.ends[0] == "(" else number >= self.low
-        below = number < self.high if self.ends[1] == ")" else number <= self.high
-        return above and below
+        above = self.low < number or (self.low == number and "[" in self.ends)
+        below = number < self.high or (number == self.high and "]" in self.ends)
+        return above and below and abs(number) < (LARGEST if isinstance(number, int) else math.inf)
 
 
 def _notebooks():
@@ -126,19 +109,29 @@ def has_ledger(paper):
     return any("publish(ledger)" in cell for cell in cells(paper))
 
 
+def paper_of(word, known=None):
+    """The paper that a word names: ``dp_tbd``, ``01``, ``notebooks/01_dp_tbd.ipynb``; ValueError,
+    with the nearest of the `known` ones, when there is none.
+    """
+    known, names = known or notebooks(), {}
+    for paper in known:
+        stem = path(paper).stem
+        names |= dict.fromkeys((paper, stem, stem[:2], stem[:2].lstrip("0") or "0"), paper)
+    if (name := Path(word).name.removesuffix(".ipynb")) in names:
+        return names[name]
+    near = f"the nearest is {nearest(word, known)!r} of {', '.join(known)}"
+    raise ValueError(f"paper {word!r}: there is no such notebook; {near}")
+
+
 def path(paper):
     """The notebook of a paper; raises ValueError, with the nearest name, when there is none."""
     known = _notebooks()
-    if paper not in known:
-        advice = f"the nearest is {nearest(paper, papers())!r} of {', '.join(papers())}"
-        raise ValueError(f"paper {paper!r}: there is no such notebook; {advice}")
-    return known[paper]
+    return known[paper if paper in known else paper_of(paper)]
 
 
 def cells(paper, tag=None):
-    """Sources of a notebook's code cells, those with a tag if one is given.
-
-    Raises ValueError, naming the file, when it is no notebook.
+    """Sources of a notebook's code cells, those with a tag if one is given; ValueError, naming the
+    file, when it is no notebook.
     """
     file = path(paper)
     try:
@@ -152,38 +145,26 @@ def cells(paper, tag=None):
 
 
 def page(paper):
-    """A notebook's cells tagged ``algorithm`` as a module, whose functions reach worker processes.
-
-    Its kernels are cached on disk, by the page's and the core's sources.
+    """A notebook's cells tagged ``algorithm`` as a module, so that tests, benchmarks and a user's
+    script run exactly what the page shows.  Its functions reach worker processes.
     """
-    import cloudpickle
-
-    name = f"tbdcore_page_{paper}"
-    source = "\n\n\n".join(cells(paper, "algorithm"))
+    name, source = f"tbdcore_page_{paper}", "\n\n\n".join(cells(paper, "algorithm"))
     with _ONE_AT_A_TIME:  # a worker may have threads, and all of them may ask for the page at once
         if name in sys.modules and sys.modules[name].__source__ == source:
             return sys.modules[name]
         core = [file.read_bytes() for file in products.imported(source)]  # its kernels go along
         key = products.digest([source.encode(), *core])
-        file = _written(f"{paper}_{key}.py", source.encode())
+        file = paths.BUILD / "pages" / f"{paper}_{key}.py"  # for Numba's cache and tracebacks
+        if not file.is_file():
+            if not paths.writable(file.parent):
+                file = Path(tempfile.mkdtemp(prefix="tbdcore_"), file.name)
+            products.write(file.parent, {file.name: source.encode()})
         module = types.ModuleType(name, f"The algorithm cells of {path(paper).name}.")
         module.__file__, module.__source__ = str(file), source
-        exec(compile(source, module.__file__, "exec"), module.__dict__)
+        exec(compile(source, file, "exec"), module.__dict__)
         sys.modules[name] = module
         cloudpickle.register_pickle_by_value(module)
     return module
-
-
-def _written(name, source):
-    """A file of the source, for Numba's cache and tracebacks: in build/ if that can be written."""
-    folder = paths.BUILD / "pages"
-    try:
-        if not (folder / name).is_file():
-            products.write(folder, {name: source})
-    except OSError:
-        folder = Path(tempfile.mkdtemp(prefix="tbdcore_"))
-        products.write(folder, {name: source})
-    return folder / name
 
 
 def parameters(paper):
@@ -193,28 +174,28 @@ def parameters(paper):
         wrong = f"{len(found)} cells are tagged 'parameters'; there must be one"
         raise ValueError(f"{path(paper).name}: {wrong}")
     try:
-        tokens, lines = tokenize.generate_tokens(io.StringIO(found[0]).readline), []
-        comments = {one.start[0]: one.string for one in tokens if one.type == tokenize.COMMENT}
-        for node in ast.parse(found[0]).body:  # a long line may have been wrapped in brackets
-            said = [comments.get(line) for line in range(node.lineno, node.end_lineno + 1)]
-            lines.append(_parameter(node, next(filter(None, said), "")[1:].strip()))
-    except (ValueError, SyntaxError, AttributeError, TypeError, tokenize.TokenError) as error:
+        lines = [_parameter(node, found[0].splitlines()) for node in ast.parse(found[0]).body]
+    except (ValueError, SyntaxError, AttributeError, TypeError) as error:
         raise ValueError(f"{path(paper).name}: its parameters cell is damaged: {error}") from None
     return {parameter.name: parameter for parameter in lines}
 
 
-def _parameter(node, comment):
-    """One line of a parameters cell: an annotated assignment and its comment."""
+def _parameter(node, lines):
+    """One line of a parameters cell, which may be wrapped: an annotated assignment, a comment."""
     if not isinstance(node, ast.AnnAssign) or node.annotation.id not in TYPES:
         advice = f"write `name: type = default  # meaning`, type one of {', '.join(TYPES)}"
         raise ValueError(f"parameters cell, line {node.lineno}: {advice}")
-    fields = {"meaning": comment.partition(";")[0], "increasing": "; increasing" in comment}
-    if match := re.search(r"in ([\[(])\s*(\S+),\s*(\S+?)\s*([\])])", comment):
-        fields |= {"low": float(match[2]), "high": float(match[3]), "ends": match[1] + match[4]}
-    if match := re.search(r"one of (\"[^;]*)", comment):
-        fields["choices"] = tuple(ast.literal_eval(f"[{match[1]}]"))
-    if match := re.search(r"quick ([^;]+)$", comment):
-        fields["quick"] = ast.literal_eval(match[1])
+    comment = re.search("  # (.*)|$", "\n".join(lines[node.lineno - 1 : node.end_lineno]))[1] or ""
+    meaning, *pieces = comment.split("; ")
+    said = dict(piece.split(" ", 1) for piece in pieces if " " in piece)
+    fields = {"meaning": meaning, "increasing": "increasing" in pieces}
+    if "in" in said:
+        low, high = said["in"][1:-1].split(",")
+        fields |= {"low": float(low), "high": float(high), "ends": said["in"][0] + said["in"][-1]}
+    if "one" in said:
+        fields["choices"] = tuple(ast.literal_eval(f"[{said['one'].removeprefix('of ')}]"))
+    if "quick" in said:
+        fields["quick"] = ast.literal_eval(said["quick"])
     return Parameter(node.target.id, node.annotation.id, ast.literal_eval(node.value), **fields)
 
 
@@ -228,23 +209,37 @@ def validate(paper, given):
     return {name: known[name].coerce(value) for name, value in given.items()}
 
 
+def changed(paper, values):
+    """The values that are not the defaults, of parameters that can change a result."""
+    known = parameters(paper)
+    settings = {name: value for name, value in values.items() if name not in EXECUTION}
+    return {name: value for name, value in settings.items() if value != known[name].default}
+
+
 def remake(paper, values):
     """The command that runs a notebook with these parameters."""
     words = ["tbdcore", "run", paper]
-    for name, parameter in parameters(paper).items():
-        if name not in EXECUTION and (value := values[name]) != parameter.default:
-            words += ["-p", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
+    for name, value in changed(paper, values).items():
+        words += ["-p", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
     return shlex.join(words)
 
 
-def usable(out):
-    """The folder of a name, made if need be; raises ValueError when it cannot be written.
-
-    A relative folder is made with its parents; an absolute one only if its parent exists, since a
-    typing mistake should not grow a tree somewhere.
+def destination(paper, values):
+    """The folder for the products of a run; ValueError if that of the repository's figures should
+    get products of other parameters than the defaults, or like :func:`usable`.
     """
-    folder = Path(out)
-    advice = "give a folder that can be written, such as build/try"
+    folder = usable(values.get("out") or paths.figures())
+    if changed(paper, values) and folder == paths.PRODUCTS.resolve():
+        wrong = "the repository's figures are for default parameters"
+        raise ValueError(f"{paper}, output folder {folder}: {wrong}; give another: build/try")
+    return folder
+
+
+def usable(out):
+    """The folder of a name, made if need be; ValueError when it cannot be written.  The parent of
+    an absolute one must exist: a typing mistake should not grow a tree somewhere.
+    """
+    folder, advice = Path(out), "give a folder that can be written, such as build/try"
     if folder.is_absolute() and not folder.parent.is_dir():
         wrong = "its parent folder does not exist; make it, or"
         raise ValueError(f"output folder {out}: {wrong} {advice}")
@@ -257,9 +252,8 @@ def usable(out):
 
 
 def digest(paper):
-    """Short hash of the meaning of what makes a paper's products: the parsed code of notebook,
-    imported modules and used pages, the claims file but for its causes and the readings but for
-    their words; for the index also the verdicts and the advice that it shows.
+    """Short hash of what makes a paper's products: the meaning of notebook, imported modules and
+    used pages; claims without causes, readings without words; the tables that the index shows.
     """
     used = re.findall(r'\bpage\("(\w+)"\)', "\n".join(cells(paper)))
     others = [cell for name in sorted({*used} - {paper}) for cell in cells(name, "algorithm")]
@@ -284,9 +278,8 @@ def digest(paper):
 def execute(paper, values, output):
     """Run a notebook through papermill with parameters as `validate` returns them.
 
-    The executed notebook appears at `output` when the run has succeeded; after a failure it is left
-    beside it as ``*.failed.ipynb``.  Raises RuntimeError when a cell fails or the kernel dies,
-    OSError when there is no kernel to run in.
+    The executed notebook is at `output`, that of a failed run at :func:`failed_at`.  RuntimeError
+    when a cell fails or the kernel dies, OSError when there is no kernel to run in.
     """
     from jupyter_client.kernelspec import NoSuchKernel
     from nbclient.exceptions import DeadKernelError
@@ -298,9 +291,10 @@ def execute(paper, values, output):
     options = {"kernel_name": "python3", "progress_bar": False, "cwd": str(Path.cwd())}
     # asked to shut down, a kernel waits 2.5 s for the tracker of its workers, which ends after it
     options["shutdown_kernel"] = "immediate"
+    # written once, at the end: a save for each cell costs a second for every 100 cells
+    options["request_save_on_cell_execute"] = False
     try:
-        # written once, at the end: a save for each cell costs a second for every 100 cells
-        execute_notebook(path(paper), part, values, request_save_on_cell_execute=False, **options)
+        execute_notebook(path(paper), part, values, **options)
         os.replace(part, output)
         failed_at(output).unlink(missing_ok=True)
     except PapermillExecutionError as error:
@@ -310,11 +304,9 @@ def execute(paper, values, output):
     except DeadKernelError:
         raise RuntimeError(f"{paper}: the kernel died; run it again") from None
     except NoSuchKernel:
-        make = "make it: python -m ipykernel install --sys-prefix"
-        raise OSError(f"the Jupyter kernel python3 is not registered; {make}") from None
+        raise OSError("there is no Jupyter kernel python3; tbdcore doctor says how") from None
     finally:
         part.unlink(missing_ok=True)
-    return output
 
 
 def failed_at(output):
@@ -323,11 +315,9 @@ def failed_at(output):
 
 
 def clean(notebook):
-    """A papermill result as it is committed.
-
-    Without timings, papermill metadata, standard error and injected cells; what has the tag
-    ``hide-input`` is folded in JupyterLab as well, and a picture's alternative text stands in the
-    cell's metadata too, where the book looks for it.
+    """A papermill result as it is committed: without timings, papermill's metadata, standard error
+    and injected cells; input with the tag ``hide-input`` folded in JupyterLab too; a picture's
+    alternative text also in the cell's metadata, where the book looks for it.
     """
     cells = []
     for cell in notebook["cells"]:
@@ -335,8 +325,7 @@ def clean(notebook):
         cell["metadata"] = {"tags": tags} if tags else {}
         if "hide-input" in tags:
             cell["metadata"]["jupyter"] = {"source_hidden": True}
-        if "injected-parameters" not in tags:
-            cells.append(cell)
+        cells += [cell] if "injected-parameters" not in tags else []
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     for count, cell in enumerate(code, start=1):
         cell["execution_count"] = count

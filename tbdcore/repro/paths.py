@@ -2,19 +2,16 @@
 
 The repository is the folder that the environment variable ``TBDCORE_REPOSITORY`` names; else the
 one that this package is installed from, in place; else the current folder or the nearest of its
-parents.  A folder is a repository if it holds ``notebooks/`` and ``data/papers.toml``.  Without
-one, every path but ``PACKAGE`` raises OSError.
-
-``TBDCORE_FIGURES`` moves the products of default runs elsewhere: the tests use it, so that
-checking the committed figures never rewrites them.  ``TBDCORE_BUILD`` moves ``build/``.
+parents.  It holds ``notebooks/`` and ``data/papers.toml``.  Without one, every path but ``PACKAGE``
+raises OSError.  ``TBDCORE_FIGURES`` moves the products of default runs, ``TBDCORE_BUILD`` the rest.
 """
 
 import os
-import tempfile
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]  # the modules themselves, wherever they are installed
 PLACES = {
+    "ROOT": ".",
     "NOTEBOOKS": "notebooks",  # NN_<paper>.ipynb, committed executed
     "BIBLIOGRAPHY": "data/papers.toml",
     "CLAIMS": "data/claims",  # <paper>.csv: what the papers publish
@@ -39,8 +36,6 @@ def root():
 
 
 def __getattr__(name):
-    if name == "ROOT":
-        return root()
     if name == "BUILD" and os.environ.get("TBDCORE_BUILD"):
         return Path(os.environ["TBDCORE_BUILD"]).resolve()
     if name in PLACES:
@@ -55,10 +50,5 @@ def figures():
 
 def writable(folder):
     """Whether files can be made in a folder, or in the one that it would be made in."""
-    while not folder.exists():
-        folder = folder.parent
-    try:
-        tempfile.TemporaryFile(dir=folder).close()
-    except OSError:
-        return False
-    return True
+    made = next(each for each in (folder, *folder.parents) if each.exists())
+    return made.is_dir() and os.access(made, os.W_OK | os.X_OK)

@@ -1,8 +1,7 @@
 """Signals that ask a command to end, and its processes, of which none outlives it.
 
-The first of these signals raises KeyboardInterrupt in the main thread; later ones change nothing.
-Python loses an exception that is raised in a finalizer, so :data:`came` keeps the signals as well.
-What a command has started ends with it, or within seconds of its death.
+The first signal raises KeyboardInterrupt in the main thread; later ones change nothing.  Python
+loses an exception that is raised in a finalizer, so :data:`came` keeps the signals as well.
 """
 
 import contextlib
@@ -61,10 +60,9 @@ def signals_held():
 
 
 def call(words, environment, log, tick):
-    """Run a command in a session of its own; returns its exit code.
+    """Run a command in a session of its own, its output in a file; returns its exit code.
 
-    Its output goes to the file `log`; ``tick()`` is called every second.  No process that it starts
-    outlives this call.
+    ``tick()`` is called every second.  No process that the command starts outlives this call.
     """
     import psutil
 

@@ -1,8 +1,7 @@
 """What a page shows a reader: the first screen, figures with captions, published beside measured.
 
-The first screen is rendered from the committed products, never from the present run, so that a
-reader who opens a page sees what came out before the page has run.  A default run compares it with
-its own results when it publishes (``check``).
+The first screen is made of the committed products, so that a reader sees what came out before the
+page has run.  A default run compares it with its own results when it publishes (``check``).
 """
 
 import math
@@ -35,8 +34,7 @@ class Exhibit:
         from IPython.display import Markdown, display
 
         alt = {"image/png": {"alt": self.caption}}
-        picture = {"image/png": self.png, "text/plain": f"<{self.id}>"}
-        display(picture, raw=True, metadata=alt)
+        display({"image/png": self.png, "text/plain": f"<{self.id}>"}, raw=True, metadata=alt)
         display(Markdown(f"*{self.id}.* {self.caption}"))
 
 
@@ -49,14 +47,9 @@ class Table(str):
     __repr__ = _repr_markdown_
 
 
-# The first screen -----------------------------------------------------------------------------
-
-
 def outcome(paper, rows):
-    """The table of a first screen: for each row what, published, measured, verdict.
-
-    `rows` maps what is measured, in words, to the id of its claim.  Without committed verdicts
-    the table says "not yet run".
+    """The table of a first screen: for each row what, published, measured, verdict; `rows` maps
+    what is measured, in words, to the id of its claim.
     """
     return Table(_show(paper, "outcome", partial(_outcome, paper, dict(rows))))
 
@@ -78,9 +71,7 @@ def advice(paper):
 
 
 def check(paper, folder):
-    """Raise RuntimeError when the first screen showed other values, tables or captions than those
-    in a folder.
-    """
+    """Raise RuntimeError when the first screen showed other things than those in a folder."""
     parts = [part for (owner, _), part in _SHOWN.items() if owner == paper]
     if any(shown != render(folder) for render, shown in parts):
         raise RuntimeError(f"{paper}: first screen is stale; run again")
@@ -121,15 +112,10 @@ def _text(id, folder):
 
 
 def _advice(paper, folder):
-    rows = read_advice([paper], folder)
+    rows = read_advice([paper], folder).rename(columns={"instead_of": "instead of"})
     rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
-    shown = rows[["do", "when", "instead_of", "gain"]].rename(columns={"instead_of": "instead of"})
-    return (
-        f"{products.markdown(shown)}\n*{_text(f'{paper}/advice', folder)[1] or 'Not yet run.'}*\n"
-    )
-
-
-# Tables ---------------------------------------------------------------------------------------
+    caption = _text(f"{paper}/advice", folder)[1] or "Not yet run."
+    return f"{products.markdown(rows[['do', 'when', 'instead of', 'gain']])}\n*{caption}*\n"
 
 
 def with_error(measured, se):
@@ -145,34 +131,32 @@ def _number(value, se):
 
 
 def this_run(ledger, rows):
-    """Published values beside those of the present run, without verdicts.
-
-    `rows` maps what is measured, in words, to (id of its claim, measured, standard error), an empty
-    id where nothing is published; the id alone shows a claim that the ledger has judged.
+    """Published values beside those of the present run, without verdicts; `rows` maps what is
+    measured, in words, to (id of its claim or "", measured, standard error), or to the id alone of
+    a claim that the ledger has judged.
     """
-    lines = [(what, *_pair(ledger, row)) for what, row in rows.items()]
+    lines = []
+    for what, row in rows.items():
+        id, *measured = (row,) if isinstance(row, str) else row
+        known = ledger.claims if measured else ledger.verdicts
+        if id and id not in known:
+            wrong = "no claim" if measured else "no claim judged so far"
+            near = claims.nearest(id, known)
+            raise ValueError(f"{ledger.paper}: {wrong} {id!r}; the nearest is {near!r}")
+        if measured:
+            printed, found = claims.published(known[id]) if id else "", _number(*measured)
+        else:
+            printed, found = known[id].published, with_error(known[id].measured, known[id].se)
+        lines.append((what, printed, found))
     frame = pd.DataFrame(lines, columns=["", "published", "this run"])
     return Table(f"{products.markdown(frame)}\n*± one standard error.*\n")
 
 
-def _pair(ledger, row):
-    """What a claim publishes, and what this run has measured."""
-    id, *measured = (row,) if isinstance(row, str) else row
-    known = ledger.claims if measured else ledger.verdicts
-    if id and id not in known:
-        wrong = "no claim" if measured else "no claim judged so far"
-        near = claims.nearest(id, known)
-        raise ValueError(f"{ledger.paper}: {wrong} {id!r}; the nearest is {near!r}")
-    if not measured:
-        return ledger.verdicts[id].published, with_error(known[id].measured, known[id].se)
-    return claims.published(ledger.claims[id]) if id else "", _number(*measured)
-
-
-def checked(paper, name, frame, figures):
-    """The table `advice` or `breaks` of a paper; ValueError for wrong columns, too few or too many
-    rows, an empty text, what is no number, or a figure that is not among `figures`.
+def check_table(where, frame, figures):
+    """Raise ValueError when a table ``<paper>/advice`` or ``<paper>/breaks`` has wrong columns, too
+    few or too many rows, an empty text, what is no number, or a figure not among `figures`.
     """
-    (columns, least, most), where = TABLES[name], f"{paper}/{name}"
+    columns, least, most = TABLES[where.partition("/")[2]]
     if list(frame.columns) != columns:
         raise ValueError(f"{where}: columns {list(frame.columns)}; give {', '.join(columns)}")
     if not least <= len(frame) <= most:
@@ -181,32 +165,29 @@ def checked(paper, name, frame, figures):
         for column, value in row.items():
             if wrong := _fault(column, value, row, figures):
                 raise ValueError(f"{where}, row {number}, column {column}: {value!r} {wrong}")
-    return frame
 
 
 def _fault(column, value, row, figures):
     """What is wrong with a cell, in words; empty if nothing is."""
+    low = {"se": 0.0, "tested_to": row.get("tested_from")}.get(column, -math.inf)
+    high = math.inf if column == "breaks_at" else 1e300  # infinity: nothing breaks it
     if column == "figure" and value not in figures:
         return f"is no figure of this run; the nearest is {claims.nearest(str(value), figures)!r}"
     if column in WORDS:
         return "" if isinstance(value, str) and value.strip() else "is no text; say it in words"
-    limit = math.inf if column == "breaks_at" else 1e300  # infinity: nothing breaks it
-    if isinstance(value, bool) or not isinstance(value, Real) or not -limit <= value <= limit:
+    if isinstance(value, bool) or not isinstance(value, Real) or not -high <= value <= high:
         return "is no number; give one"
-    low = {"se": 0.0, "tested_to": row.get("tested_from")}.get(column, -math.inf)
     return "" if value >= low else f"is below {low:g}; correct one"
 
 
 def read_advice(papers, folder=None):
-    """The advice of some papers, one row each, the paper's name in front; none before a run.
-    Raises ValueError, naming the file, for another table.
-    """
-    tables = [pd.DataFrame(columns=["paper", *ADVICE])]
-    for paper in papers:
-        file = (folder or paths.figures()) / paper / "advice.csv"
-        table = pd.read_csv(file) if file.is_file() else tables[0][ADVICE]
+    """The advice of some papers, the paper's name in front; ValueError for another table."""
+    files = {paper: (folder or paths.figures()) / paper / "advice.csv" for paper in papers}
+    tables = {paper: pd.read_csv(file) for paper, file in files.items() if file.is_file()}
+    for paper, table in tables.items():
         if list(table.columns) != ADVICE:
             wrong = f"its columns are not {', '.join(ADVICE)}"
-            raise ValueError(f"{file}: {wrong}; make it anew: tbdcore run {paper}")
-        tables += [table.assign(paper=paper)[["paper", *ADVICE]]] if len(table) else []
-    return pd.concat(tables[1:] or tables, ignore_index=True)
+            raise ValueError(f"{files[paper]}: {wrong}; make it anew: tbdcore run {paper}")
+    if not tables:
+        return pd.DataFrame(columns=["paper", *ADVICE])
+    return pd.concat(tables, names=["paper", None]).reset_index("paper").reset_index(drop=True)

@@ -4,15 +4,7 @@ A trial is a function ``trial(seed, i)`` of two plain integers.  It makes its ow
 them, ``rng = generator(seed, "track_cfar", "fig05", i, "noise")``, one for each *purpose*:
 ``truth`` (what the world does), ``noise`` (what the radar adds), ``filter`` (what the algorithm
 draws).  Nothing else is random.  So trial 17 can be run again alone, ``trial(seed, 17)``; two
-algorithms see the same scenes, and their difference is a paired one; one worker and a hundred give
-the same bits.
-
-The key of a stream is ``SeedSequence(seed, spawn_key=(paper, experiment, trial, purpose))``.  Names
-become integers by CRC-32, which is the same on every machine (Python's own ``hash`` is not).
-
-``run`` hands chunks of trials to processes of this machine (``loky``, which carries functions of a
-notebook), a ``dask.distributed`` cluster, or any other ``concurrent.futures.Executor``, by the
-number of its workers: on a cluster, its threads.
+algorithms see the same scenes; one worker and a hundred give the same bits.
 """
 
 import contextlib
@@ -36,10 +28,10 @@ DAY = 86400  # seconds an idle process waits; loky prints a warning when one lea
 
 
 def generator(seed, paper, experiment, trial, purpose):
-    """Random generator of one purpose in one trial.
+    """Random generator of one purpose in one trial: ``SeedSequence(seed, spawn_key=(paper,
+    experiment, trial, purpose))``, with the names as CRC-32, the same on every machine.
 
-    `seed` and `trial` are integers >= 0, `paper` and `experiment` names that keep streams apart,
-    `purpose` is "truth", "noise" or "filter"; anything else is a ValueError.
+    `seed` and `trial` are integers >= 0, `purpose` one of PURPOSES; anything else is a ValueError.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"trials.generator: purpose {purpose!r} is none of {', '.join(PURPOSES)}")
@@ -55,10 +47,8 @@ def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials
     A trial returns a number, an array, or a (named) tuple of them, always in the same shapes.
     `workers` are processes on this machine; 0: one for each core, 1: none, the loop runs here.
     `scheduler` is the address of a dask scheduler; an `executor` (concurrent.futures.Executor) is
-    used instead of both, and left open.
-
-    Raises ValueError for a bad count, ConnectionError when no scheduler answers, and RuntimeError
-    when a trial raises: the message names the trial, so that it can be run again alone.
+    used instead of both, and left open.  ValueError for a bad count, ConnectionError when no
+    scheduler answers, RuntimeError, which names the trial, when one raises.
     """
     for name, value, least in (("n", n, 1), ("workers", workers, 0), ("seed", seed, 0)):
         if not isinstance(value, int | np.integer) or value < least:
@@ -113,23 +103,20 @@ def _life():
 
 @contextlib.contextmanager
 def _client(address):
-    """Client of the dask scheduler at an address, which has a worker or gets one soon; all workers
-    have the sources of this process.
+    """Client of the dask scheduler at an address, whose workers have the sources of this process;
+    ConnectionError when nobody answers, no worker comes soon, or one has other sources.
     """
-    where, here = f"scheduler {address!r}", "or leave it empty for this machine"
-    try:
-        from distributed import Client
-    except ModuleNotFoundError:
-        advice = "in the repository: pip install -e '.[cluster]'"
-        raise ConnectionError(f"{where}: distributed is not installed; {advice}") from None
+    from distributed import Client
+
+    where = f"scheduler {address!r}"
+    advice = "write tcp://host:8786, or leave it empty for this machine"
     if not re.fullmatch(r"(\w+://)?[\w.\-\[\]]+:\d+|inproc://\S+", address):
-        wrong = "no address of a dask scheduler; write tcp://host:8786"
-        raise ConnectionError(f"{where}: {wrong}, {here}")
+        raise ConnectionError(f"{where}: no address of a dask scheduler; {advice}")
     try:
         client = Client(address, timeout=ANSWER, set_as_default=False)
     except (OSError, ValueError) as error:  # a timeout among them
-        wrong = f"no dask scheduler answers there ({type(error).__name__}); check the address"
-        raise ConnectionError(f"{where}: {wrong}, {here}") from None
+        wrong = f"no dask scheduler answers there ({type(error).__name__})"
+        raise ConnectionError(f"{where}: {wrong}; {advice}") from None
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
@@ -146,7 +133,7 @@ def _same_sources(client):
     for worker, found in sorted(client.run(sources, on_error="return").items()):
         if not isinstance(found, dict):
             wrong.append(f"{worker} (no answer: {type(found).__name__})")
-        elif names := [name for name in sorted(ours | found) if ours.get(name) != found.get(name)]:
+        elif names := sorted({name for name, _ in ours.items() ^ found.items()}):
             wrong.append(f"{worker} ({', '.join(names)})")
     if wrong:
         advice = "take the same commit for all, then start these workers again"
@@ -162,8 +149,8 @@ def sources():
     chapters = {}
     with contextlib.suppress(OSError):  # no repository
         for paper in pages.notebooks():
-            text = "\n".join(pages.cells(paper, "algorithm"))
-            chapters[pages.path(paper).name] = products.digest([text.encode()])
+            cells = map(str.encode, pages.cells(paper, "algorithm"))
+            chapters[pages.path(paper).name] = products.digest(cells)
     return _modules() | chapters
 
 

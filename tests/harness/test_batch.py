@@ -23,7 +23,7 @@ def test_a_run_says_what_it_does(first_run):
     folder, said = first_run
     assert said.stderr == ""
     lines = said.stdout.splitlines()
-    assert lines[:2] == ["tiny: running", "tiny: 2 measured (2 reproduced), 1 untestable"]
+    assert lines[:2] == ["tiny: running", "tiny: 2 reproduced, 1 untestable"]
     assert re.fullmatch(rf"tiny: \d{{1,2}} s; products in {folder}/figures/tiny", lines[2])
     assert not list((folder / "build").glob("*.part*"))
 
@@ -89,7 +89,7 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
 def test_debug_shows_where_a_run_failed(tmp_path, capsys):
     trace = "Traceback\n  ...\nValueError: bad\n"
     (tmp_path / "log").touch()
-    (tmp_path / "outcome").write_text(json.dumps(["ValueError", "tiny: bad", trace]))
-    with pytest.raises(ValueError, match="^tiny: bad$"):
-        batch._raise_failure("tiny", 0, tmp_path, debug=True)
+    (tmp_path / "outcome").write_text(json.dumps(["RuntimeError", "tiny: bad", trace]))
+    with pytest.raises(RuntimeError, match="^tiny: bad$"):
+        batch._raise_failure("tiny", 1, tmp_path, debug=True)
     assert capsys.readouterr().err == trace

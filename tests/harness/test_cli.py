@@ -9,7 +9,7 @@ import pytest
 import tiny
 
 import tbdcore
-from tbdcore.repro import batch, cite, claims, cli, commands, paths, trials
+from tbdcore.repro import batch, cite, claims, cli, commands, pages, paths, trials
 
 HEADER = ",".join(claims.Verdict._fields)
 VERDICTS = f"""{HEADER}
@@ -286,7 +286,7 @@ def test_a_paper_is_named_by_its_key_its_number_or_its_notebook(inside, capsys, 
 
 def test_an_unknown_paper_is_told_all_that_would_do():
     with pytest.raises(ValueError, match=r"nearest is 'index' of dp_tbd, .*, together, index$"):
-        commands.paper_of("indx")
+        pages.paper_of("indx")
 
 
 ADVICE = {

@@ -187,7 +187,7 @@ def test_begin_does_not_mind_what_a_notebook_has(paper):
 def test_begin_refuses_other_parameters_in_the_committed_figures(paper):
     with pytest.raises(ValueError, match="figures are for default parameters") as caught:
         run.begin(paper, values(paper, n_trials=7))
-    one_line(caught, "out='build/try'")
+    one_line(caught, "give another: build/try")
 
 
 def test_parameters_that_change_no_result_may_differ(paper):

@@ -29,7 +29,7 @@ def test_the_first_signal_interrupts_and_the_others_change_nothing(
             done.append(2)
 
     done, before = [], list(map(signal.getsignal, processes.ENDING))
-    monkeypatch.setattr(commands, "list_papers", interrupted)
+    monkeypatch.setattr(commands, "list_command", interrupted)
     assert cli.main(["list"]) == 130
     assert capsys.readouterr().err == LINE
     assert done == [1, 2]
@@ -49,7 +49,7 @@ def test_an_interrupt_whose_exception_is_lost_is_not(repository, capsys, monkeyp
         return 0
 
     monkeypatch.setattr(sys, "unraisablehook", lambda event: None)
-    monkeypatch.setattr(commands, "list_papers", lost)
+    monkeypatch.setattr(commands, "list_command", lost)
     assert cli.main(["list"]) == 130
     assert capsys.readouterr().err == LINE
 

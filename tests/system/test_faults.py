@@ -222,7 +222,7 @@ FAULTS = [
     Plant(
         "a run that is resumed whatever its parameters",
         "tbdcore/repro/batch.py",
-        'now["parameters"] = _settings(paper, values)',
+        'now["parameters"] = {name: every[name] for name in every if name not in pages.EXECUTION}',
         "",
         "harness/test_batch.py::test_resume_goes_by_the_parameters_that_can_change_a_result",
     ),
