@@ -124,8 +124,10 @@ def counts(paper, folder):
         return {}, "no claims"
     found = claims.counts(claims.verdicts(paper, folder)).items()
     found = {name: n for name, n in found if isinstance(n, int) and n and name != "claims"}
-    each = [f"{n} {name.removeprefix('measured: ')}" for name, n in found.items()]
-    return found, ", ".join(each)
+    verdicts = {name[10:]: n for name, n in found.items() if name.startswith("measured: ")}
+    judged = ", ".join(f"{n} {name}" for name, n in verdicts.items())
+    others = [f"{n} {name}" for name, n in found.items() if not name.startswith("measured: ")]
+    return found, ", ".join([f"{sum(verdicts.values())} measured ({judged})", *others])
 
 
 def smaller(paper, values):

@@ -23,7 +23,7 @@ def test_a_run_says_what_it_does(first_run):
     folder, said = first_run
     assert said.stderr == ""
     lines = said.stdout.splitlines()
-    assert lines[:2] == ["tiny: running", "tiny: 2 reproduced, 1 untestable"]
+    assert lines[:2] == ["tiny: running", "tiny: 2 measured (2 reproduced), 1 untestable"]
     assert re.fullmatch(rf"tiny: \d{{1,2}} s; products in {folder}/figures/tiny", lines[2])
     assert not list((folder / "build").glob("*.part*"))
 

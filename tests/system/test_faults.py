@@ -145,8 +145,8 @@ FAULTS = [
     Plant(
         "the noise forgotten under the target",
         "tbdcore/detection.py",
-        "0.0, math.inf) / (1 + _within",
-        "0.0, math.inf) / (0 + _within",
+        "np.exp(-eta / (1 + snr))",
+        "np.exp(-eta / (0 + snr))",
         "kernels/test_detection.py::test_swerling_1_from_complex_samples",
     ),
     Plant(
