@@ -507,20 +507,32 @@ def power_log_ratio(
     return total - np.log(product)
 
 
+CROWD = 8  # particles of one cell from which on they are weighed together
+LANES = 256  # at most as many together: their patches stay in the first-level cache
+
+
 @kernel
-def _five_cells(z, i, j, g, h):
-    """The sum of z s / (1 + s) over rows i to i + 4, s = g h, as a fraction: one division for five.
+def _five_cells(z, g, h):
+    """The sum of z s / (1 + s) over five rows, s = g h, as a fraction: one division for five.
 
     The denominator is the product of 1 + s.
     """
     s = g[0] * h
-    numerator = z[i, j] * s
+    numerator = z[0] * s
     denominator = 1.0 + s
     for r in range(1, 5):
         s = g[r] * h
-        numerator = numerator * (1.0 + s) + denominator * z[i + np.uint64(r), j] * s
+        numerator = numerator * (1.0 + s) + denominator * z[r] * s
         denominator = denominator * (1.0 + s)
     return numerator, denominator
+
+
+@kernel
+def _five(z, i, j):
+    """The values of rows i to i + 4 in column j."""
+    i, j, one = np.uint64(i), np.uint64(j), np.uint64(1)  # unsigned: no look at negative indices
+    two = one + one
+    return z[i, j], z[i + one, j], z[i + two, j], z[i + two + one, j], z[i + two + two, j]
 
 
 @kernel
@@ -541,8 +553,111 @@ def _power_log_ratio(z, nr, na, rho, alpha, snr, peaks, spread):
     """Sums (N,) of z s / (1 + s), and products (N,) of 1 + s, s = snr h**2, of each patch.
 
     z : the frame with zeros around it: ha columns to the left, five rows below.  The cells beyond
-    the frame have h = 0.
+    the frame have h = 0.  Particles that share a cell share their patch, and are weighed together.
     """
+    total = np.zeros(rho.size)
+    product = np.ones(rho.size)
+    cell = _cells_of(rho, alpha, snr, nr, na, total)
+    order, begins = _by_cell(cell, nr * na)
+    for group in range(begins.size - 1):
+        for first in range(begins[group], begins[group + 1], LANES):
+            members = order[first : min(first + LANES, begins[group + 1])]
+            _weigh_together(members, z, nr, na, cell, snr, peaks, spread, total, product)
+    _weigh_alone(z, nr, na, cell, snr, peaks, spread, total, product)
+    return total, product
+
+
+@kernel
+def _cells_of(rho, alpha, snr, nr, na, total):
+    """Cells (N,) of the particles to weigh, else -1; the total of those off the frame is -inf."""
+    cell = np.full(rho.size, -1)
+    for n in range(rho.size):
+        if not _inside(rho[n], alpha[n], nr, na):
+            total[n] = -np.inf
+        elif snr[n] > 0.0:
+            cell[n] = (int(rho[n] + 0.5) - 1) * na + int(alpha[n] + 0.5) - 1
+    return cell
+
+
+@kernel
+def _by_cell(cell, cells):
+    """Particles (C,) of the cells that hold CROWD or more, cell by cell; where each cell begins."""
+    count = np.zeros(cells, np.int32)
+    for n in range(cell.size):
+        if cell[n] >= 0:
+            count[cell[n]] += 1
+    place = np.full(cells, -1, np.int32)  # of the next particle of each cell
+    order = np.empty(cell.size, np.int64)
+    begins = np.zeros(cell.size // CROWD + 1, np.int64)
+    groups = 0
+    for n in range(cell.size):
+        c = cell[n]
+        if c < 0 or count[c] < CROWD:
+            continue
+        if place[c] < 0:
+            place[c] = begins[groups]
+            groups += 1
+            begins[groups] = begins[groups - 1] + count[c]
+        order[place[c]] = n
+        place[c] += 1
+    return order, begins[: groups + 1]
+
+
+@kernel
+def _gaussians(out, h, peak, tilt, fixed, size):
+    """Rows h + m of out as :func:`_gaussian`, a column for each peak and tilt."""
+    up = peak.copy()
+    down = peak.copy()
+    back = 1.0 / tilt
+    for m in range(fixed.size):
+        for l in range(size):
+            out[h - m, l] = down[l] * fixed[m]
+            out[h + m, l] = up[l] * fixed[m]
+            up[l] *= tilt[l]
+            down[l] *= back[l]
+
+
+@kernel
+def _weigh_together(members, z, nr, na, cell, snr, peaks, spread, total, product):
+    """Totals and products of particles of one cell, a column for each: as :func:`_weigh_alone`.
+
+    A particle whose product might overflow is left to that function; the cells of all others are
+    set to -1.
+    """
+    _, _, hr, ha = spread
+    fr, fa = _decays(spread)
+    size = members.size + -members.size % 8  # whole vectors; the last columns are not used
+    lanes = np.zeros(size, np.int64)
+    lanes[: members.size] = members
+    gr = np.zeros((2 * hr + 5, size))
+    ga = np.zeros((2 * ha + 1, size))
+    _gaussians(gr, hr, snr[lanes] * peaks[0][lanes], peaks[1][lanes], fr, size)
+    _gaussians(ga, ha, np.ones(size), peaks[2][lanes], fa, size)
+    top = cell[members[0]] // na - hr
+    left = cell[members[0]] % na - ha
+    end = min(top + 2 * hr + 1, nr)
+    gr[end - top : 2 * hr + 1] = 0.0
+    sums = np.zeros(size)
+    many = np.ones(size)
+    for i in range(max(top, 0), end, 5):
+        g = gr[i - top : i - top + 5]
+        for j in range(max(left, 0), min(left + 2 * ha + 1, na)):
+            five = _five(z, i, j + ha)
+            h = ga[j - left]
+            for l in range(size):
+                a, b = _five_cells(five, (g[0, l], g[1, l], g[2, l], g[3, l], g[4, l]), h[l])
+                sums[l] += a / b
+                many[l] *= b
+    for l in range(members.size):
+        if many[l] < 1e300:
+            total[members[l]] = sums[l]
+            product[members[l]] = many[l]
+            cell[members[l]] = -1
+
+
+@kernel
+def _weigh_alone(z, nr, na, cell, snr, peaks, spread, total, product):
+    """Totals and products of the particles whose cell is not -1, one by one."""
     _, _, hr, ha = spread
     columns = z.shape[1] - ha - na  # as many as are computed together
     fr, fa = _decays(spread)
@@ -550,38 +665,34 @@ def _power_log_ratio(z, nr, na, rho, alpha, snr, peaks, spread):
     ga = np.zeros(columns)
     ratio = np.empty(columns)
     factor = np.empty(columns)
-    total = np.zeros(rho.size)
-    product = np.ones(rho.size)
-    for n in range(rho.size):
-        if not _inside(rho[n], alpha[n], nr, na):
-            total[n] = -np.inf
-        elif snr[n] > 0.0:
-            top = int(rho[n] + 0.5) - 1 - hr
-            left = int(alpha[n] + 0.5) - 1 - ha
-            _gaussian(gr, hr, snr[n] * peaks[0, n], peaks[1, n], fr)
-            _gaussian(ga, ha, 1.0, peaks[2, n], fa)
-            end = min(top + 2 * hr + 1, nr)
-            gr[end - top : 2 * hr + 1] = 0.0
-            ga[: max(-left, 0)] = 0.0
-            ga[min(na - left, columns) :] = 0.0
-            sums = 0.0
-            many = 1.0
-            for i in range(max(top, 0), end, 5):
-                m = i - top
-                g = gr[m], gr[m + 1], gr[m + 2], gr[m + 3], gr[m + 4]
-                for k in range(np.uint64(columns)):
-                    a, b = _five_cells(z, np.uint64(i), np.uint64(left + ha) + k, g, ga[k])
-                    ratio[k] = a / b
-                    factor[k] = b
-                before = sums, many
-                for k in range(2 * ha + 1):
-                    sums += ratio[k]
-                    many *= factor[k]
-                if not many < 1e300:
-                    sums, many = _with_logarithms(before, ratio[: 2 * ha + 1], factor)
-            total[n] = sums
-            product[n] = many
-    return total, product
+    for n in range(cell.size):
+        if cell[n] < 0:
+            continue
+        top = cell[n] // na - hr
+        left = cell[n] % na - ha
+        _gaussian(gr, hr, snr[n] * peaks[0, n], peaks[1, n], fr)
+        _gaussian(ga, ha, 1.0, peaks[2, n], fa)
+        end = min(top + 2 * hr + 1, nr)
+        gr[end - top : 2 * hr + 1] = 0.0
+        ga[: max(-left, 0)] = 0.0
+        ga[min(na - left, columns) :] = 0.0
+        sums = 0.0
+        many = 1.0
+        for i in range(max(top, 0), end, 5):
+            m = i - top
+            g = gr[m], gr[m + 1], gr[m + 2], gr[m + 3], gr[m + 4]
+            for k in range(np.uint64(columns)):
+                a, b = _five_cells(_five(z, i, np.uint64(left + ha) + k), g, ga[k])
+                ratio[k] = a / b
+                factor[k] = b
+            before = sums, many
+            for k in range(2 * ha + 1):
+                sums += ratio[k]
+                many *= factor[k]
+            if not many < 1e300:
+                sums, many = _with_logarithms(before, ratio[: 2 * ha + 1], factor)
+        total[n] = sums
+        product[n] = many
 
 
 def cell_power_spec(z, rho, alpha):
