@@ -308,12 +308,12 @@ def _rule(kind, *shape, **options):
 
 def number(name: str, value: Any, low: float, high: float) -> float:
     """A real number in [low, high]; ValueError otherwise."""
-    return Number(low, high)(name, value)
+    return _rule(Number, low, high)(name, value)
 
 
 def integer(name: str, value: Any, low: int) -> int:
     """An integer of at least `low`; ValueError otherwise."""
-    return Integer(low)(name, value)
+    return _rule(Integer, low)(name, value)
 
 
 def numbers(name: str, values: Any, *shape: Any, low: Any = None, high: float = MOST) -> Array:
@@ -338,19 +338,3 @@ def _outside(flat, low, high, nan):
         v = flat[n]
         inside += ((v >= low) & (v <= high)) | (nan & (v != v))
     return flat.size - inside
-
-
-# Names of before, until the last caller has changed.
-
-reals, plain = numbers, array
-
-
-def within(name, a, low, high):
-    """The array a; ValueError, naming the first, unless all elements lie in [low, high]."""
-    _rule(Numbers, ..., low=low, high=high, single=True)(name, a, {})
-    return a
-
-
-def typed(compiled, inside=None):
-    """A compiled function without rules; see :func:`checked`."""
-    return checked(compiled, inside=inside)

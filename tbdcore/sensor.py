@@ -496,14 +496,11 @@ def power_log_ratio(
     (and at NaN), where the region of eqs. (22), (23) has no target.
     """
     _check_spread(spread)
-    rho, alpha, snr = _in_order(rho, alpha, snr)
+    z, rho, alpha, snr = _in_order(z, rho, alpha, snr)
     nr, na = z.shape
     spread = spread._replace(hr=min(spread.hr, nr), ha=min(spread.ha, na))
-    columns = -(-(2 * spread.ha + 1) // 8) * 8  # of a patch, in whole vectors of 8
-    framed = np.zeros((nr + 5, spread.ha + na + columns), z.dtype)
-    framed[:nr, spread.ha : spread.ha + na] = z
     peaks = _peaks(rho, alpha, spread)
-    total, product = _power_log_ratio(framed, nr, na, rho, alpha, snr, peaks, spread)
+    total, product = _power_log_ratio(z, rho, alpha, snr, peaks, spread)
     return total - np.log(product)
 
 
@@ -528,11 +525,20 @@ def _five_cells(z, g, h):
 
 
 @kernel
-def _five(z, i, j):
-    """The values of rows i to i + 4 in column j."""
-    i, j, one = np.uint64(i), np.uint64(j), np.uint64(1)  # unsigned: no look at negative indices
-    two = one + one
-    return z[i, j], z[i + one, j], z[i + two, j], z[i + two + one, j], z[i + two + two, j]
+def _five_rows(first, last):
+    """Rows first to first + 4, the last one instead of those beyond it.
+
+    They are unsigned: Numba tests a signed index, which takes as long as the arithmetic.
+    """
+    a, b, c = min(first, last), min(first + 1, last), min(first + 2, last)
+    d, e = min(first + 3, last), min(first + 4, last)
+    return np.uint64(a), np.uint64(b), np.uint64(c), np.uint64(d), np.uint64(e)
+
+
+@kernel
+def _five(z, rows, j):
+    """The values of five rows in column j."""
+    return z[rows[0], j], z[rows[1], j], z[rows[2], j], z[rows[3], j], z[rows[4], j]
 
 
 @kernel
@@ -549,12 +555,12 @@ def _with_logarithms(before, ratio, factor):
 
 
 @kernel
-def _power_log_ratio(z, nr, na, rho, alpha, snr, peaks, spread):
+def _power_log_ratio(z, rho, alpha, snr, peaks, spread):
     """Sums (N,) of z s / (1 + s), and products (N,) of 1 + s, s = snr h**2, of each patch.
 
-    z : the frame with zeros around it: ha columns to the left, five rows below.  The cells beyond
-    the frame have h = 0.  Particles that share a cell share their patch, and are weighed together.
+    Particles that share a cell share their patch, and are weighed together.
     """
+    nr, na = z.shape
     total = np.zeros(rho.size)
     product = np.ones(rho.size)
     cell = _cells_of(rho, alpha, snr, nr, na, total)
@@ -562,8 +568,8 @@ def _power_log_ratio(z, nr, na, rho, alpha, snr, peaks, spread):
     for group in range(begins.size - 1):
         for first in range(begins[group], begins[group + 1], LANES):
             members = order[first : min(first + LANES, begins[group + 1])]
-            _weigh_together(members, z, nr, na, cell, snr, peaks, spread, total, product)
-    _weigh_alone(z, nr, na, cell, snr, peaks, spread, total, product)
+            _weigh_together(members, z, cell, snr, peaks, spread, total, product)
+    _weigh_alone(z, cell, snr, peaks, spread, total, product)
     return total, product
 
 
@@ -586,18 +592,19 @@ def _by_cell(cell, cells):
     for n in range(cell.size):
         if cell[n] >= 0:
             count[cell[n]] += 1
-    place = np.full(cells, -1, np.int32)  # of the next particle of each cell
+    place = np.empty(cells, np.int32)  # of the next particle of each cell
     order = np.empty(cell.size, np.int64)
     begins = np.zeros(cell.size // CROWD + 1, np.int64)
     groups = 0
     for n in range(cell.size):
         c = cell[n]
-        if c < 0 or count[c] < CROWD:
+        if c < 0 or -CROWD < count[c] < CROWD:
             continue
-        if place[c] < 0:
+        if count[c] > 0:  # the first of its cell; the sign says that it has been met
             place[c] = begins[groups]
             groups += 1
             begins[groups] = begins[groups - 1] + count[c]
+            count[c] = -count[c]
         order[place[c]] = n
         place[c] += 1
     return order, begins[: groups + 1]
@@ -618,12 +625,13 @@ def _gaussians(out, h, peak, tilt, fixed, size):
 
 
 @kernel
-def _weigh_together(members, z, nr, na, cell, snr, peaks, spread, total, product):
+def _weigh_together(members, z, cell, snr, peaks, spread, total, product):
     """Totals and products of particles of one cell, a column for each: as :func:`_weigh_alone`.
 
     A particle whose product might overflow is left to that function; the cells of all others are
     set to -1.
     """
+    nr, na = z.shape
     _, _, hr, ha = spread
     fr, fa = _decays(spread)
     size = members.size + -members.size % 8  # whole vectors; the last columns are not used
@@ -641,8 +649,9 @@ def _weigh_together(members, z, nr, na, cell, snr, peaks, spread, total, product
     many = np.ones(size)
     for i in range(max(top, 0), end, 5):
         g = gr[i - top : i - top + 5]
+        rows = _five_rows(i, end - 1)  # beyond the patch g is 0
         for j in range(max(left, 0), min(left + 2 * ha + 1, na)):
-            five = _five(z, i, j + ha)
+            five = _five(z, rows, np.uint64(j))
             h = ga[j - left]
             for l in range(size):
                 a, b = _five_cells(five, (g[0, l], g[1, l], g[2, l], g[3, l], g[4, l]), h[l])
@@ -656,15 +665,15 @@ def _weigh_together(members, z, nr, na, cell, snr, peaks, spread, total, product
 
 
 @kernel
-def _weigh_alone(z, nr, na, cell, snr, peaks, spread, total, product):
+def _weigh_alone(z, cell, snr, peaks, spread, total, product):
     """Totals and products of the particles whose cell is not -1, one by one."""
+    nr, na = z.shape
     _, _, hr, ha = spread
-    columns = z.shape[1] - ha - na  # as many as are computed together
     fr, fa = _decays(spread)
     gr = np.zeros(2 * hr + 5)
-    ga = np.zeros(columns)
-    ratio = np.empty(columns)
-    factor = np.empty(columns)
+    ga = np.zeros(2 * ha + 1)
+    ratio = np.empty(ga.size)
+    factor = np.empty(ga.size)
     for n in range(cell.size):
         if cell[n] < 0:
             continue
@@ -674,23 +683,25 @@ def _weigh_alone(z, nr, na, cell, snr, peaks, spread, total, product):
         _gaussian(ga, ha, 1.0, peaks[2, n], fa)
         end = min(top + 2 * hr + 1, nr)
         gr[end - top : 2 * hr + 1] = 0.0
-        ga[: max(-left, 0)] = 0.0
-        ga[min(na - left, columns) :] = 0.0
+        low = max(left, 0)
+        columns = min(left + ga.size, na) - low
+        first, shift = np.uint64(low), np.uint64(low - left)
         sums = 0.0
         many = 1.0
         for i in range(max(top, 0), end, 5):
+            rows = _five_rows(i, end - 1)  # beyond the patch g is 0
             m = i - top
             g = gr[m], gr[m + 1], gr[m + 2], gr[m + 3], gr[m + 4]
             for k in range(np.uint64(columns)):
-                a, b = _five_cells(_five(z, i, np.uint64(left + ha) + k), g, ga[k])
+                a, b = _five_cells(_five(z, rows, first + k), g, ga[shift + k])
                 ratio[k] = a / b
                 factor[k] = b
             before = sums, many
-            for k in range(2 * ha + 1):
+            for k in range(columns):
                 sums += ratio[k]
                 many *= factor[k]
             if not many < 1e300:
-                sums, many = _with_logarithms(before, ratio[: 2 * ha + 1], factor)
+                sums, many = _with_logarithms(before, ratio[:columns], factor)
         total[n] = sums
         product[n] = many
 
