@@ -186,7 +186,9 @@ class Numbers(Rule):
         return True
 
     def _refuse(self, name, a):
-        at = np.argwhere(~((a >= self.low) & (a <= self.high) | (self.nan & (a != a))))[0].tolist()
+        wide = a.astype(float)  # in float32 the limits would overflow
+        inside = (wide >= self.low) & (wide <= self.high) | (self.nan & (wide != wide))
+        at = np.argwhere(~inside)[0].tolist()
         limits = "finite" if self.high == -self.low == MOST else f"in [{self.low:g}, {self.high:g}]"
         raise ValueError(f"{name}{at or ''}: {a[tuple(at)]:g} is not {limits}")
 

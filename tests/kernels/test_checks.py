@@ -77,3 +77,10 @@ def test_modules_load_when_they_are_used():
     assert not any(name.startswith("_") for name in dir(tbdcore))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         tbdcore.nothing  # noqa: B018
+
+
+def test_a_refusal_of_single_precision_does_not_warn():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ValueError, match=r"^x\[1\]: nan is not finite$"):
+            checks.numbers("x", np.array([1, np.nan], np.float32), 2, low=-checks.MOST)
