@@ -28,7 +28,7 @@ def rows():
         np.stack([motion.cv(1.0)] * 3),
         motion.step_acceleration(1.0, 1.0),
     )
-    D, weights = kalman.gate_tracks(x, P, 400.0, 1e-7)[2], rng.random((3, 6))
+    D, weights = kalman.gate_tracks(x, P, 400.0, 1e-7)[2], rng.dirichlet(np.ones(6), 3)
     place, z = 10.0 + rng.random((2, 50)), rng.standard_exponential((20, 20))
     patch = z, *place, np.full(50, 4.0), sensor.Spread(1.44, 0.11, 2, 6)
     gate = 0.01, (0.3, 0.8), (250010.0, -1.3), (900.0, 0.11), (150.0, 0.0349), 0.02, 0

@@ -84,8 +84,10 @@ def ljipda_ai(seed, i):
 
 
 def numbers(record):
-    """The fields of a named tuple as a tuple of arrays."""
-    return tuple(np.asarray(field, float) for field in record)
+    """The fields of a named tuple, but for the state after a run, as a tuple of arrays."""
+    fields = record._asdict()
+    fields.pop("state", None)
+    return tuple(np.asarray(field, float) for field in fields.values())
 
 
 TRIALS = {trial.__name__: trial for trial in (dp_tbd, mm_pf_tbd, mda_tbd, track_cfar, ljipda_ai)}
