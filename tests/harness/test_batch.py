@@ -1,10 +1,12 @@
 """Runs of a small notebook: what is said, skipped and removed (whole runs: system/test_runs.py)."""
 
+import io
 import json
 import os
 import re
 import subprocess
 import sys
+import types
 
 import pytest
 import tiny
@@ -93,3 +95,14 @@ def test_debug_shows_where_a_run_failed(tmp_path, capsys):
     with pytest.raises(RuntimeError, match="^tiny: bad$"):
         batch._raise_failure("tiny", 1, tmp_path, debug=True)
     assert capsys.readouterr().err == trace
+
+
+def test_a_terminal_shows_how_long_a_run_has_taken(inside, monkeypatch):
+    times, terminal = iter([100.0, 103.4]), io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setattr(batch, "time", types.SimpleNamespace(monotonic=lambda: next(times)))
+    monkeypatch.setattr(batch.processes, "call", lambda words, environment, log, tick: tick())
+    monkeypatch.setattr(batch, "_raise_failure", lambda *report: None)
+    monkeypatch.setattr(batch.sys, "stderr", terminal)
+    batch._execute("tiny", {"out": "build/try"}, paths.BUILD / "01_tiny.ipynb", False)
+    assert terminal.getvalue() == "\rtiny: 3 s\033[K\r"

@@ -119,6 +119,17 @@ def test_a_report_with_every_figure_and_table_compiles_with_plain_pdflatex(tmp_p
     assert compiled(tmp_path, body) == []
 
 
+def test_the_width_of_a_tabular():
+    """By hand: a letter is 4.1 pt, a cell 8 to 27 letters wide, 6 pt lie between."""
+    head = "name & value \\\\\n"
+    rows = rf"""\textbf{{a}} & {"x" * 40} \\
+bb & 12345678901 \\
+"""
+    assert cite._points(head + rows) == pytest.approx(4.1 * 8 + 6 + 4.1 * 27 + 6)
+    narrow = head + "a & 12345678901 \\\\\n"
+    assert cite._points(narrow) == pytest.approx(4.1 * 8 + 6 + 4.1 * 11 + 6)
+
+
 @pytest.mark.parametrize(("columns", "environment"), [(4, "table"), (9, "sidewaystable")])
 def test_a_table_wider_than_the_text_lies_on_its_side(execute, columns, environment):
     frame = pd.DataFrame({f"a name of {k}": ["1.25 & 0.01"] for k in range(columns)})
