@@ -132,7 +132,7 @@ def _coincide(x, P, existence):
         d2 = (off * np.linalg.solve(P[:, a] + P[:, b], off[..., None])[..., 0]).sum(axis=1)
         if d2.max() < SAME:
             words = f"tracks {a} and {b} coincide in the last {LAST_SCANS} scans"
-            return f'x: {words}; take one out, or choose method="JIPDA" or "JIPDA-AI"'
+            return f"x: {words}; take one out: close targets need a plot each to be kept apart"
     return None
 
 
