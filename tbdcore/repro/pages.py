@@ -13,9 +13,7 @@ import contextlib
 import dataclasses
 import itertools
 import json
-import logging
 import math
-import os
 import re
 import reprlib
 import shlex
@@ -273,45 +271,6 @@ def digest(paper):
         parts += ["\0".join(row[:-1]) for row in claims.read(paper).values()]  # the cause is last
         parts += [repr(row._replace(words="")) for row in claims.readings(paper).values()]
     return products.digest([part.encode() for part in parts])
-
-
-def execute(paper, values, output):
-    """Run a notebook through papermill with parameters as `validate` returns them.
-
-    The executed notebook is at `output`, that of a failed run at :func:`failed_at`.  RuntimeError
-    when a cell fails or the kernel dies, OSError when there is no kernel to run in.
-    """
-    from jupyter_client.kernelspec import NoSuchKernel
-    from nbclient.exceptions import DeadKernelError
-    from papermill import PapermillExecutionError, execute_notebook
-
-    logging.getLogger("papermill").addHandler(logging.NullHandler())  # its errors are raised too
-    output.parent.mkdir(parents=True, exist_ok=True)
-    part = output.with_suffix(f".{os.getpid()}.part.ipynb")
-    options = {"kernel_name": "python3", "progress_bar": False, "cwd": str(Path.cwd())}
-    # asked to shut down, a kernel waits 2.5 s for the tracker of its workers, which ends after it
-    options["shutdown_kernel"] = "immediate"
-    # written once, at the end: a save for each cell costs a second for every 100 cells
-    options["request_save_on_cell_execute"] = False
-    try:
-        execute_notebook(path(paper), part, values, **options)
-        os.replace(part, output)
-        failed_at(output).unlink(missing_ok=True)
-    except PapermillExecutionError as error:
-        os.replace(part, failed_at(output))
-        said = " ".join(f"cell {error.exec_count}: {error.ename}: {error.evalue}".split())
-        raise RuntimeError(f"{paper}, {said}; the run is in {failed_at(output)}") from None
-    except DeadKernelError:
-        raise RuntimeError(f"{paper}: the kernel died; run it again") from None
-    except NoSuchKernel:
-        raise OSError("there is no Jupyter kernel python3; tbdcore doctor says how") from None
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def failed_at(output):
-    """Where an executed notebook is left when a cell has failed."""
-    return output.with_suffix(".failed.ipynb")
 
 
 def clean(notebook):

@@ -6,7 +6,7 @@ interrupted leaves the old products as they were.
 
 import contextlib
 
-from tbdcore.repro import claims, figures, pages, products, screen, trials
+from tbdcore.repro import claims, figures, pages, products, screen
 
 SUFFIXES = (*figures.CANVASES, "gif", "csv", "md", "tex", "json")  # of the files of a product
 
@@ -31,7 +31,7 @@ def begin(paper, namespace):
     ledger = None
     if pages.has_ledger(paper):
         ledger = claims.Ledger(paper, strict=not pages.changed(paper, values))
-    return ledger, Run(paper, folder, provenance, background=trials.cores() > 1)
+    return ledger, Run(paper, folder, provenance)
 
 
 class Run(figures.Portfolio):
@@ -44,10 +44,6 @@ class Run(figures.Portfolio):
         """
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}
-        for job in self.waiting:
-            self.files |= job.result()
-        if self.pool is not None:
-            self.pool.shutdown()
         files = verdicts | self.files  # a product's JSON is the last of its files
         folder = self.folder / self.paper
         products.write(folder, files, old=self._abandoned(folder))

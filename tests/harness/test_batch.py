@@ -91,7 +91,7 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
 def test_debug_shows_where_a_run_failed(tmp_path, capsys):
     trace = "Traceback\n  ...\nValueError: bad\n"
     (tmp_path / "log").touch()
-    (tmp_path / "outcome").write_text(json.dumps(["RuntimeError", "tiny: bad", trace]))
+    (tmp_path / "outcome").write_text(json.dumps(["tiny: bad", trace]))
     with pytest.raises(RuntimeError, match="^tiny: bad$"):
         batch._raise_failure("tiny", 1, tmp_path, debug=True)
     assert capsys.readouterr().err == trace

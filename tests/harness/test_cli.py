@@ -273,7 +273,7 @@ def test_list_names_the_papers(repository, capsys):
 def test_a_paper_is_named_by_its_key_its_number_or_its_notebook(inside, capsys, monkeypatch, word):
     seen = []
     monkeypatch.setattr(batch, "run", lambda paper, *_, **__: seen.append(paper) or DONE)
-    monkeypatch.setattr(batch, "sweep", lambda paper, *_, **__: seen.append(paper) or iter([DONE]))
+    monkeypatch.setattr(batch, "tabulate", lambda paper, *_: None)
     for words in (["list", word], ["run", word], ["sweep", word, "shift=1"], ["cite", word]):
         assert cli.main(words) == 0
     assert seen == ["tiny", "tiny"]
@@ -309,7 +309,7 @@ def test_advice_that_is_followed_leads_on(inside, capsys, monkeypatch, words, ad
     """The words of the advice are those of the error."""
     monkeypatch.chdir(inside)
     monkeypatch.setattr(batch, "run", lambda *_, **__: DONE)
-    monkeypatch.setattr(batch, "sweep", lambda *_, **__: iter([DONE] * 2))
+    monkeypatch.setattr(batch, "tabulate", lambda *_: None)
     error = said(capsys, 2, *words.split())
     assert advice.split()[-1].partition("=")[0] in error
     if "--help" in advice:
