@@ -95,9 +95,7 @@ def done(paper, values, folder):
     wanted |= {"verdicts.csv"} if paper in claims.papers() else set()
     if not made or not wanted <= set(os.listdir(folder / paper)):
         return False
-    now = {"digest": pages.digest(paper), "versions": products.versions()}
-    every = {name: one.default for name, one in pages.parameters(paper).items()} | values
-    now["parameters"] = {name: every[name] for name in every if name not in pages.EXECUTION}
+    now = pages.provenance(paper, values)
     return all(about | now == about for about in made)
 
 

@@ -430,7 +430,8 @@ class Ledger:
             shown = "; ".join(filter(None, (shown, row.measured)))
         if readings or (self._measured(claim) and self.options(claim)):
             row = self._compared(claim, row, readings or {}, reached)
-        return self._enter(claim, row._replace(measured=shown))
+        cause = claim.cause if row.verdict == "differs" else ""
+        return self._enter(row._replace(measured=shown, evidence=claim.evidence, cause=cause))
 
     def judged(self, claim, measured, se=0.0, n=None, reached=False):
         """The verdict on a claim by what was measured alone."""
@@ -510,7 +511,8 @@ class Ledger:
             printed = f"the paper prints {claim.value!r} {claim.unit}"
             raise self._error(f"{id}: the code runs with {value!r} {unit or ''}, {printed}")
         shown = _plain(value) + (f" {unit}" if unit else "")
-        return self._enter(claim, _row(claim, shown, verdict="used" if same else "differs"))
+        verdict, cause = ("used", "") if same else ("differs", "parameter changed in this run")
+        return self._enter(_row(claim, shown, verdict=verdict, cause=cause))
 
     def inputs(self, scenario):
         """Enter every field of a dataclass made by ``tbdcore.scenario.given``; the symbol table."""
@@ -532,7 +534,7 @@ class Ledger:
             raise self._error(f"{id}: untestable needs its reason")
         if claim.rule and self.strict:
             raise self._error(f"{id} is untestable, so its rule has to go")
-        return self._enter(claim, _row(claim, verdict="untestable", cause=reason))
+        return self._enter(_row(claim, verdict="untestable", cause=reason))
 
     def table(self):
         """All verdicts in the order of the claims file, as a frame.
@@ -576,12 +578,8 @@ class Ledger:
             raise self._error(f"{id} is checked twice")
         return self.named(id, self.claims)
 
-    def _enter(self, claim, row):
-        if row.verdict == "differs":
-            changed = "parameter changed in this run"
-            row = row._replace(cause=changed if claim.kind == "input" else claim.cause)
-        row = row._replace(evidence=claim.evidence if row.verdict in JUDGED else "")
-        self.verdicts[claim.id] = row
+    def _enter(self, row):
+        self.verdicts[row.id] = row
         return row
 
 

@@ -1,4 +1,4 @@
-"""The notebooks as objects: found by paper, imported as modules, executed with checked parameters.
+"""The notebooks as objects: found by paper, imported as modules, with parameters that are checked.
 
 A *page* is a notebook ``notebooks/NN_<paper>.ipynb``.  Its cells with the tag ``algorithm`` hold
 the paper's method.  The one cell with the tag ``parameters`` has lines such as
@@ -214,12 +214,16 @@ def changed(paper, values):
     return {name: value for name, value in settings.items() if value != known[name].default}
 
 
-def remake(paper, values):
-    """The command that runs a notebook with these parameters."""
+def provenance(paper, values):
+    """What the records of a run with these parameters say of it."""
+    every = {name: one.default for name, one in parameters(paper).items()} | values
+    used = {name: value for name, value in every.items() if name not in EXECUTION}
     words = ["tbdcore", "run", paper]
     for name, value in changed(paper, values).items():
         words += ["-p", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
-    return shlex.join(words)
+    made = {"parameters": used, "seed": used["seed"], "trials": used["n_trials"]}
+    made |= {"digest": digest(paper), "remake": shlex.join(words)}
+    return made | {"versions": products.versions()}
 
 
 def destination(paper, values):

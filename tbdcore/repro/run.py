@@ -23,15 +23,11 @@ def begin(paper, namespace):
     given = (*pages.parameters(paper), *own)
     values = pages.validate(paper, {name: namespace[name] for name in given})
     namespace.update(values)
-    shown = {name: value for name, value in values.items() if name not in pages.EXECUTION}
     folder = pages.destination(paper, values)
-    provenance = {"parameters": shown, "seed": values["seed"], "trials": values["n_trials"]}
-    provenance |= {"digest": pages.digest(paper), "remake": pages.remake(paper, values)}
-    provenance["versions"] = products.versions()
     ledger = None
     if pages.has_ledger(paper):
         ledger = claims.Ledger(paper, strict=not pages.changed(paper, values))
-    return ledger, Run(paper, folder, provenance)
+    return ledger, Run(paper, folder, pages.provenance(paper, values))
 
 
 class Run(figures.Portfolio):
@@ -49,8 +45,7 @@ class Run(figures.Portfolio):
         products.write(folder, files, old=self._abandoned(folder))
         judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
         print(f"{self.paper}: {judged}; {len(files)} files")
-        default = self.provenance.get("remake") == f"tbdcore run {self.paper}"
-        if default if ledger is None else ledger.strict:
+        if self.provenance.get("remake") == f"tbdcore run {self.paper}":  # the default run
             screen.check(self.paper, self.folder)
 
     def _abandoned(self, folder):
