@@ -1,5 +1,6 @@
 """The command line: exit codes, errors of one line, and the scorecard."""
 
+import json
 import shlex
 import subprocess
 import sys
@@ -333,6 +334,26 @@ def test_where_build_cannot_be_written_the_folder_of_out_takes_its_place(
     assert f"executed notebooks go to {build}\n" in capsys.readouterr().out
     assert seen[0][2] == build / "01_tiny.ipynb"
     assert repository / "build" == paths.BUILD, "for one command only"
+
+
+def test_in_place_refreshes_the_notebook_as_it_is_committed(inside, monkeypatch):
+    """Indented by one blank, letters as they are, without what papermill adds."""
+    notebook = inside / "notebooks" / "01_tiny.ipynb"
+    made = json.loads(tiny.notebook(tiny.CELLS | {"algorithm": "print('σ')"}))
+
+    def executed(paper, values, output, **_):
+        output.parent.mkdir(exist_ok=True)
+        output.write_text(json.dumps(made | {"metadata": {"papermill": {}}}))
+        return DONE._replace(notebook=str(output))
+
+    monkeypatch.setattr(batch, "run", executed)
+    assert cli.main(["run", "--in-place"]) == 0
+    expected = json.dumps(pages.clean(made), indent=1, ensure_ascii=False)
+    assert notebook.read_text(encoding="utf-8") == f"{expected}\n"
+    monkeypatch.setattr(batch, "run", lambda *_, **__: DONE._replace(status=1, error="tiny: bad"))
+    before = notebook.read_bytes()
+    assert cli.main(["run", "--in-place"]) == 1
+    assert notebook.read_bytes() == before
 
 
 def test_list_of_a_paper_shows_parameters_and_products(inside, capsys):

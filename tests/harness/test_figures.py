@@ -80,6 +80,18 @@ def test_a_last_bit_changes_no_picture(tmp_path):
     assert made[0] == made[1]
 
 
+def test_axes_stand_at_places_of_six_digits(portfolio):
+    """An SVG names its axes by all digits of their places; on another CPU the last may differ."""
+    fig, axes = portfolio.new(2, 2)
+    axes[0, 0].set_ylabel("two\nlines")
+    portfolio.save(fig, "fig01", caption="Four axes.")
+    places = np.array([ax.get_position().bounds for ax in axes.flat])
+    digits = [
+        np.abs(places - np.round(places, n)).max() < 1e-12 for n in (5, 6)
+    ]  # but for rounding
+    assert digits == [False, True]
+
+
 def test_no_picture_knows_the_date(portfolio):
     draw(portfolio)
     for extension in ("pdf", "svg", "png"):
