@@ -135,6 +135,8 @@ def _execute(paper, values, output, debug):
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
     environment = QUIET | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
     environment["PYTHONSAFEPATH"] = "1"  # no module is imported from the current folder
+    if path := os.environ.get("PYTHONPATH"):  # whose first folder ipykernel drops if it is that
+        environment["PYTHONPATH"] = os.pathsep.join([str(place), path])
     try:
         place.mkdir(parents=True)
         code = processes.call(words, environment, place / "log", tick)

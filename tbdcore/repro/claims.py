@@ -36,7 +36,6 @@ import io
 import math
 import re
 from fnmatch import fnmatchcase
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -231,12 +230,32 @@ def _empty(it, *names):
 
 
 def readings(paper, folder=None):
-    """Readings of a paper by name, from the file beside the folder of the claims.
-
-    Raises ValueError as :func:`records` does.
+    """Readings of a paper by name, from the file beside the folder of the claims; ValueError as
+    :func:`records` raises.
     """
+
+    def faults(it):
+        known, options = papers(folder), _items(it.options)
+        ids = list(read(it.chapter, folder)) if it.chapter in known else []
+        lost = [each for each in _items(it.rows) if not any(fnmatchcase(id, each) for id in ids)]
+        excluded = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
+        excluded = [each and each[1] in options and each[1] != it.default for each in excluded]
+        near, claim = nearest(it.chapter, known), nearest("".join(lost[:1]), ids)
+        several = len({*options}) >= max(2, len(options))
+        return [
+            ("chapter", it.chapter not in known, f"the nearest paper is {near!r}"),
+            *_empty(it, "name", "words", "rows"),
+            ("options", not several, "give two or more, each once, with ;"),
+            ("default", it.default not in options, f"choose one of {it.options}"),
+            ("rows", lost, f"no claim is {lost}; the nearest is {claim!r}"),
+            (
+                "refuted",
+                not all(excluded),
+                f"write option: reason; one of {it.options}, no default",
+            ),
+        ]
+
     path = (folder or paths.CLAIMS).parent / "readings.csv"
-    faults = partial(_reading_faults, folder)
     listed = records(path, Reading, faults, lambda row: (row.chapter, row.name)).values()
     return {row.name: row for row in listed if row.chapter == paper}
 
@@ -244,24 +263,6 @@ def readings(paper, folder=None):
 def _items(text):
     """The parts between semicolons."""
     return [part.strip() for part in text.split(";") if part.strip()]
-
-
-def _reading_faults(folder, it):
-    """What can be wrong in a row of readings.csv: column, whether it is, and what to do."""
-    known, options = papers(folder), _items(it.options)
-    ids = list(read(it.chapter, folder)) if it.chapter in known else []
-    lost = [each for each in _items(it.rows) if not any(fnmatchcase(id, each) for id in ids)]
-    excluded = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
-    excluded = [each and each[1] in options and each[1] != it.default for each in excluded]
-    near, claim = nearest(it.chapter, known), nearest("".join(lost[:1]), ids)
-    return [
-        ("chapter", it.chapter not in known, f"the nearest paper is {near!r}"),
-        *_empty(it, "name", "words", "rows"),
-        ("options", len({*options}) < max(2, len(options)), "give two or more, each once, with ;"),
-        ("default", it.default not in options, f"choose one of {it.options}"),
-        ("rows", lost, f"no claim is {lost}; the nearest is {claim!r}"),
-        ("refuted", not all(excluded), f"write option: reason; one of {it.options}, no default"),
-    ]
 
 
 _ITEM = re.compile(r"; ?([a-z][a-z ]*) = ([+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?)(?![\w.])")
@@ -447,7 +448,11 @@ class Ledger:
             verdict, z = judge(printed, half, value, se, n, rule.get("runs"), rule.get("null"))
             text = digits(value, se)
         else:
-            margins = np.atleast_1d(measured).astype(float) + _relief(claim, rule)
+            half = rule.get("half", 0.0)  # by which the margin of a printed bound is relaxed
+            if claim.kind == "bound" and "half" not in rule:
+                printed = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value)
+                half = parse(printed[1])[1] if printed else 0.0
+            margins = np.atleast_1d(measured).astype(float) + half
             verdict, i = judge_margins(margins, se, n, reached)
             margin, se = margins[i], float(np.broadcast_to(se, margins.shape)[i])
             text = f"{'least ' if margins.size > 1 else ''}margin {digits(margin, se)}"
@@ -585,12 +590,6 @@ class Ledger:
 
 def _row(claim, measured="", **texts):
     return Verdict(claim.id, claim.item, claim.quantity, published(claim), measured, **texts)
-
-
-def _relief(claim, rule):
-    """The half digit of a printed bound, by which its margin is relaxed."""
-    bound = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value) if claim.kind == "bound" else None
-    return rule["half"] if "half" in rule else parse(bound[1])[1] if bound else 0.0
 
 
 def published(claim):

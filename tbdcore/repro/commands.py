@@ -112,23 +112,20 @@ def _values(paper, arguments, *more):
         name, equals, value = text.partition("=")
         if not equals:
             raise ValueError(f"-p {text}: write -p name=value")
-        values[name] = _value(value, known[name].type if name in known else "str")
+        kind = known[name].type if name in known else "str"
+        if kind == "list" and not value.startswith("["):
+            value = f"[{value}]"
+        values[name] = value
+        if kind != "str":  # what is no literal stays text, of the wrong type, as validate will say
+            with contextlib.suppress(ValueError, SyntaxError, MemoryError, RecursionError):
+                literal = value.capitalize() if kind == "bool" else value
+                values[name] = ast.literal_eval(literal)
     values = pages.validate(paper, values)
     if pages.changed(paper, values) and not values.get("out"):
         values["out"] = str(paths.BUILD / "run")
     paths.BUILD.mkdir(exist_ok=True)
     folder = pages.destination(paper, values)
     return values | {"out": str(folder)} if values.get("out") else values
-
-
-def _value(text, kind):
-    """A parameter from the command line: text for a str, a Python literal for everything else."""
-    if kind == "list" and not text.startswith("["):
-        text = f"[{text}]"
-    if kind != "str":  # what is no literal stays text, of the wrong type, as validate will say
-        with contextlib.suppress(ValueError, SyntaxError, MemoryError, RecursionError):
-            return ast.literal_eval(text.capitalize() if kind == "bool" else text)
-    return text
 
 
 def _find_clusters(jobs, arguments):

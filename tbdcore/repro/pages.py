@@ -241,14 +241,12 @@ def usable(out):
     """The folder of a name, made if need be; ValueError when it cannot be written.  The parent of
     an absolute one must exist: a typing mistake should not grow a tree somewhere.
     """
-    folder, advice = Path(out), "give a folder that can be written, such as build/try"
-    if folder.is_absolute() and not folder.parent.is_dir():
-        wrong = "its parent folder does not exist; make it, or"
-        raise ValueError(f"output folder {out}: {wrong} {advice}")
+    folder = Path(out)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=not folder.is_absolute(), exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
+        advice = "give a folder that can be written, such as build/try"
         raise ValueError(f"output folder {out}: {error.strerror}; {advice}") from None
     return folder.resolve()
 

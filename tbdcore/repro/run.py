@@ -41,18 +41,13 @@ class Run(figures.Portfolio):
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}
         files = verdicts | self.files  # a product's JSON is the last of its files
-        folder = self.folder / self.paper
-        products.write(folder, files, old=self._abandoned(folder))
+        folder, earlier = self.folder / self.paper, []
+        for file in folder.glob("*.json"):
+            with contextlib.suppress(ValueError):  # it is no record
+                if products.record(file)["paper"] == self.paper:
+                    earlier += [file.with_suffix(f".{suffix}") for suffix in SUFFIXES]
+        products.write(folder, files, old=[file for file in earlier if file.name not in files])
         judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
         print(f"{self.paper}: {judged}; {len(files)} files")
         if self.provenance.get("remake") == f"tbdcore run {self.paper}":  # the default run
             screen.check(self.paper, self.folder)
-
-    def _abandoned(self, folder):
-        """Files of products of this paper in the folder that this run did not make."""
-        files = []
-        for file in folder.glob("*.json"):
-            with contextlib.suppress(ValueError):  # it is no record
-                if products.record(file)["paper"] == self.paper:
-                    files += [file.with_suffix(f".{suffix}") for suffix in SUFFIXES]
-        return [file for file in files if file.name not in self.files]
