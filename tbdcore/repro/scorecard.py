@@ -40,18 +40,17 @@ def seeds_file():
 
 def study():
     """The study: paper, claim, number of seeds, of each verdict, and a number's verdict on all
-    trials together; empty without one.
-
-    ValueError when the file is no such table.
+    trials together; empty without one, ValueError when the file is no such table.
     """
     columns = ["paper", "claim", "seeds", *claims.JUDGED, "together"]
-    table = pd.DataFrame(columns=columns)
-    if seeds_file().is_file():
-        with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
-            table = pd.read_csv(seeds_file(), comment="#")
-        if list(table) != columns or not len(table):
-            wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
-            raise ValueError(f"{seeds_file()}: {wrong}")
+    if not seeds_file().is_file():
+        return pd.DataFrame(columns=columns)
+    table = pd.DataFrame()
+    with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
+        table = pd.read_csv(seeds_file(), comment="#")
+    if list(table) != columns or not len(table):
+        wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
+        raise ValueError(f"{seeds_file()}: {wrong}")
     return table
 
 
