@@ -176,7 +176,7 @@ def cite_command(arguments):
         advice = "give the id of a figure or table; tbdcore cite lists them"
         raise ValueError(f"--{form} {id or 'without an id'}: {advice}")
     every = [paper] if paper else pages.notebooks()
-    print(cite.bibliography(paper) if form else _captions(every), end="")
+    print(cite.entries(paper) if form else _captions(every), end="")
     return GOOD
 
 
