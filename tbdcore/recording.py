@@ -28,9 +28,16 @@ from scipy.special import betaincinv, ndtri
 from tbdcore.checks import Array, Flag, Integer, Number, Numbers, checked, numbers
 from tbdcore.noise import Frames, Generator, Law
 
-__all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law"]
-__all__ += ["inject", "level", "log_ratio", "merge_plots", "normal_scores"]
-__all__ += ["normalise", "plots", "threshold"]
+__all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law", "inject"]
+__all__ += [
+    "log_ratio",
+    "merge_plots",
+    "normal_scores",
+    "normalise",
+    "plots",
+    "starts",
+    "threshold",
+]
 
 LN2, SMALL, ROUNDS = math.log(2.0), 1e-300, 8
 CLIP = {"gaussian": 3.0, "exponential": 5.0}  # standard deviations, mean powers
@@ -53,21 +60,12 @@ class Level(NamedTuple):
 
 
 @checked
-def level(frames: Frames, law: Law = "gaussian") -> Level:
-    """Level of the noise of a whole recording, from its median; up to a third may be targets.
-
-    gaussian:     median, and median absolute deviation / 0.6745 (Huber and Ronchetti 2009, 5.1)
-    exponential:  mean and standard deviation are median / ln 2
-    """
-    return Level(*(float(a) for a in _medians(frames, law, None)))
-
-
-@checked
 def background(frames: Frames, law: Law = "gaussian") -> Level:
-    """Level of each cell over time, (nx, ny): what stands still, as the medians of :func:`level`.
+    """Level of each cell over time, (nx, ny): what stands still, by medians; ten frames or more.
 
-    A target that stays in a cell for a third of the recording becomes background.  NaN where a cell
-    has no value; ten frames are the least.
+    "gaussian": median, and median absolute deviation / 0.6745 (Huber and Ronchetti 2009, 5.1);
+    "exponential": both are median / ln 2.  A target that stays in a cell for a third of the
+    recording becomes background.  NaN where a cell has no value.
     """
     if len(frames) < 10:
         raise ValueError(f"recording.background: frames: {len(frames)} of them; give at least 10")
@@ -181,22 +179,17 @@ class TailedLaw(NamedTuple):
     def _laws(self, z):
         """Survival and density."""
         from scipy.interpolate import PchipInterpolator
+        from scipy.stats import genpareto
 
         cdf, inside = PchipInterpolator(self.x, self.p), np.clip(z, self.x[0], self.x[-1])
-        below, above = _pareto(self.x[0] - z, *self.low), _pareto(z - self.x[-1], *self.high)
-        low, high = z < self.x[0], z > self.x[-1]
-        p, q = self.p[0], 1 - self.p[-1]
-        survival = np.where(low, 1 - p * below[0], np.where(high, q * above[0], 1 - cdf(inside)))
-        density = np.where(high, q * above[1], cdf.derivative()(inside))
-        return survival, np.where(low, p * below[1], density)
-
-
-def _pareto(excess, shape, scale):
-    """Survival and density of the generalised Pareto law at excess >= 0 (at 0 for less)."""
-    e = np.maximum(excess, 0.0) / scale
-    with np.errstate(divide="ignore"):
-        log = -np.log1p(np.maximum(shape * e, -1.0)) / shape if abs(shape) > 1e-6 else -e
-        return np.exp(log), np.exp(log * (1 + shape)) / scale * (shape * e > -1.0)
+        below, above = (genpareto(shape, 0, scale) for shape, scale in (self.low, self.high))
+        low, high, p, q = z < self.x[0], z > self.x[-1], self.p[0], 1 - self.p[-1]
+        under, over = self.x[0] - z, z - self.x[-1]
+        survival = np.where(high, q * above.sf(over), 1 - cdf(inside))
+        density = np.where(high, q * above.pdf(over), cdf.derivative()(inside))
+        return np.where(low, 1 - p * below.sf(under), survival), np.where(
+            low, p * below.pdf(under), density
+        )
 
 
 @checked
@@ -376,18 +369,16 @@ def _centroids(frame, above, mean, origin, cell):
     label, n = ndimage.label(above, np.ones((3, 3)))
     if not n:
         return np.empty((0, 5))
-    at, number = np.argwhere(above), np.arange(1, n + 1)
-    z, label = frame[above], label[above]
-    total = partial(ndimage.sum_labels, labels=label, index=number)
-    strength = ndimage.maximum(z, label, number)
+    number = np.arange(1, n + 1)
+    place = np.array(ndimage.center_of_mass(frame - mean, label, number))
+    strength = np.array(ndimage.maximum(frame, label, number))[:, None]
     noise = BOUND / (np.sqrt(2 * strength) if mean else strength)
-    out = np.empty((n, 5))
-    out[:, 2] = strength
-    for axis, i in enumerate(at.T):
-        rows = ndimage.maximum(i, label, number) - ndimage.minimum(i, label, number) + 1
-        out[:, axis] = origin[axis] + cell[axis] * total((z - mean) * i) / total(z - mean)
-        out[:, 3 + axis] = abs(cell[axis]) * np.sqrt(noise**2 + 1 / (12 * rows**3))
-    return out
+    rows = np.array(
+        [[side.stop - side.start for side in box] for box in ndimage.find_objects(label)]
+    )
+    return np.hstack(
+        [origin + cell * place, strength, abs(cell) * np.sqrt(noise**2 + 1 / (12 * rows**3))]
+    )
 
 
 @checked
@@ -406,14 +397,50 @@ def merge_plots(
     """
     from scipy.sparse.csgraph import connected_components
 
-    if scan.shape[1] < 2:
-        raise ValueError(f"recording.merge_plots: scan: shape {scan.shape}; give x, y, ...")
+    place = _places("recording.merge_plots: scan", scan)
     weights = np.ones(len(scan)) if weights is None else weights
     w = numbers("recording.merge_plots: weights", weights, len(scan), low=1e-300)
-    place = scan[:, 0] + 1j * scan[:, 1]
     n, group = connected_components(abs(place[:, None] - place) <= distance, directed=False)
     member = (group == np.arange(n)[:, None]) * w
     return member @ scan / member.sum(axis=1, keepdims=True)
+
+
+def _places(name, scan):
+    """Places (n,) of the plots of a scan as x + iy."""
+    scan = numbers(name, scan, "n", "d")
+    if scan.shape[1] < 2:
+        raise ValueError(f"{name}: shape {scan.shape}; give rows x, y, ...")
+    return scan[:, 0] + 1j * scan[:, 1]
+
+
+@checked
+def starts(
+    scans: Any, t: Annotated[ArrayLike, Numbers(3)], fastest: Positive, sigma: Positive
+) -> tuple[Array, Array]:
+    """Start states (n, 4) of [x, vx, y, vy] and covariances (n, 4, 4), from three scans in a row.
+
+    scans : three arrays of rows x, y, further columns are not read; None was not taken
+    t : their times; the states are those at the last one
+    fastest, sigma : largest speed; standard deviation of a plot's place on each axis
+
+    A start is a plot of the first and one of the last scan with a third one between them, within
+    three standard deviations of constant velocity (two-point differencing, Bar-Shalom, Li and
+    Kirubarajan 2001, 5.5.3).  The units are those of the plots.
+    """
+    before, after = np.diff(t).tolist()
+    if len(scans) != 3 or min(before, after) <= 0:
+        raise ValueError(f"recording.starts: {len(scans)} scans; give three, and t that rises")
+    scans = [np.empty((0, 2)) if scan is None else scan for scan in scans]
+    places = [_places(f"recording.starts: scans[{k}]", scan) for k, scan in enumerate(scans)]
+    (first, middle, last), rate = places, 1 / (before + after)
+    limit = 3 * sigma * math.hypot(1 / before, 1 / after, 1 / before + 1 / after)
+    bend = [(last - m) / after - ((m - first) / before)[:, None] for m in middle]
+    straight = (abs(np.reshape(bend, (-1, first.size, last.size))) <= limit).any(axis=0)
+    v = (last - first[:, None]) * rate
+    i, j = np.nonzero(straight & (abs(v) <= fastest))
+    x = np.stack([last[j].real, v[i, j].real, last[j].imag, v[i, j].imag], axis=-1)
+    P = np.kron(np.eye(2), sigma**2 * np.array([[1, rate], [rate, 2 * rate**2]]))
+    return x, np.tile(P, (len(x), 1, 1))
 
 
 # Blur
