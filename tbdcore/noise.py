@@ -39,7 +39,8 @@ class FramesRule:
             shapes = {np.shape(frame) for frame in values if frame is not None}
             if not shapes:
                 raise ValueError(f"{name}: every frame is missing; give at least one")
-            values = [np.full(min(shapes), np.nan) if z is None else z for z in values]
+            gap = np.full(min(shapes), np.nan, np.float32)  # keeps the precision of the others
+            values = [gap if z is None else z for z in values]
         z = self.stack(name, values, sizes)
         if not z.size:
             raise ValueError(f"{name}: shape {z.shape} has no cells; give (K, nx, ny)")

@@ -519,7 +519,7 @@ CASES = [
 def recorded(p, i=60):
     """Frames in single precision with gaps, and times between them."""
     z = list(scene(p, i).astype(np.float32))
-    z[1], z[6] = None, np.full((24, 14), np.nan)
+    z[1], z[6] = None, np.full((24, 14), np.nan, np.float32)
     if p.reading != "least-squares":
         z[8][3:9, 2:5] = np.nan
     return z, rng(i).uniform(0.3, 0.8, len(z))
@@ -589,7 +589,7 @@ def test_a_frame_that_was_not_taken_is_no_evidence(options):
     assert track.existence[10] == pytest.approx(ahead, rel=1e-9)
     assert track.log_evidence[10] == pytest.approx(0.0, abs=1e-9)
     assert abs(track.log_evidence[9]) > 1e-3
-    z[10] = np.full((24, 14), np.nan)
+    z[10] = np.full_like(z[0], np.nan)
     assert same(page.run(z, p, rng(67)), track)
     assert same(page.recursion(z, p, rng(67)), track)
 
@@ -704,7 +704,11 @@ def test_outputs_of_a_run_are_tabled_even_where_there_are_none(change, some):
     )
     names = {"base": p, "z": scene(p), "stream": lambda *_: rng(21), "ledger": ledger}
     names |= {"seed": 21, "Markdown": str, **vars(page)}
-    (source,) = [cell for cell in pages.cells("mda_tbd") if cell.startswith("def outputs(")]
+    source = "\n\n\n".join(
+        cell
+        for cell in pages.cells("mda_tbd")
+        if "def outputs(" in cell or "seen = outputs(" in cell
+    )
     exec(source, names)
     assert names["seen"].shape[1] == 3
     assert (len(names["seen"]) > 0) == some
