@@ -37,22 +37,23 @@ SHAPES = {
     "t2.3": (10.0, 0.5),
 }  # assumed L/R over the true one; patch over default
 PRIORS = [(3.0, 0.1), (10.0, 0.1), (3.0, 1.0)]  # P_max, walk per frame, in the paper's unit
-MODELS = list(itertools.product([True, False], [0.1, 0.3]))
-WIDER = list(itertools.product([True, False], [0.2, 0.45]))
+MODELS = [(True, 0.3), (False, 0.3), (False, 0.1), (True, 0.1)]  # one amplitude; q
+WIDER = [(True, 0.2), (True, 0.45), (False, 0.2), (False, 0.45)]
 
 
 def design(page):
-    """The combinations, as tuples in the order of KEY."""
-    patch, none = (2, 6), (math.nan, math.nan)
-    cells = [("optimum", *m, *patch, *none, "") for m in MODELS + WIDER]
-    cells += [("proposed", *m, *patch, *none, way) for m in MODELS for way in page.WAYS]
-    cells += [("proposed", *m, *patch, *none, "own-cell") for m in WIDER]
-    cells += [("mainstream", *m, *patch, *prior, "") for m in MODELS for prior in PRIORS]
-    for m, shape in itertools.product(MODELS[1::2], ((1, 4), (3, 9))):  # q = 0.3
+    """The combinations, as tuples in the order of KEY, the most telling ones first."""
+    patch, none, cells = (2, 6), (math.nan, math.nan), []
+    for m in MODELS:
+        cells.append(("optimum", *m, *patch, *none, ""))
+        cells += [("mainstream", *m, *patch, *prior, "") for prior in PRIORS]
+        cells += [("proposed", *m, *patch, *none, way) for way in page.WAYS]
+    for m, shape in itertools.product(MODELS[:2], ((1, 4), (3, 9))):
         cells.append(("optimum", *m, *shape, *none, ""))
-        cells.append(("proposed", *m, *shape, *none, "own-cell"))
         cells.append(("mainstream", *m, *shape, *PRIORS[0], ""))
-    return cells
+        cells.append(("proposed", *m, *shape, *none, "own-cell"))
+    cells += [("optimum", *m, *patch, *none, "") for m in WIDER]
+    return cells + [("proposed", *m, *patch, *none, "own-cell") for m in WIDER]
 
 
 def scenario(page, cell, row):
