@@ -110,9 +110,9 @@ def trials():
     page = tbdcore.page("mm_pf_tbd")
     improved = page.Scenario()
     z = page.simulate(page.Scene(), np.random.default_rng(2))
-    yield "classic, 2000", page, page.run, replace(improved, M_new=0), z, 10e-3
-    yield "improved, 2000 + 2000", page, page.run, improved, z, 25e-3
-    yield "Bernoulli, 2000 + 500", page, page.bernoulli, replace(improved, M_new=500), z, None
+    yield "classic, 2000", page, page.recursion, replace(improved, M_new=0), z, 10e-3
+    yield "improved, 2000 + 2000", page, page.recursion, improved, z, 25e-3
+    yield "Bernoulli, 2000 + 500", page, page.bernoulli_recursion, replace(improved, M_new=500), z, None
 
 
 def rows():

@@ -265,7 +265,7 @@ ONE_LAW = {"spread, dB": "gaussian", "Student, freedom": "gaussian", "K, nu": "e
 def false_01(white):
     """Share of blocks with a path above the threshold of these blocks of white noise."""
     page = tbdcore.page("dp_tbd")
-    p = page.Params()
+    p = page.Scenario()
     told = recording.threshold(peaks(page, p, white), 0.05)
     return lambda frames: (peaks(page, p, frames) > told.value).mean()
 
@@ -273,11 +273,11 @@ def false_01(white):
 def false_02(white):
     """Share of frames that are declared."""
     page = tbdcore.page("mm_pf_tbd")
-    p = page.Params()
+    p = page.Scenario()
     streams = [np.random.default_rng([i, 2]) for i in range(len(white))]
     return lambda frames: np.mean(
         [
-            page.run(p.scene.noise * z, p, rng).declared
+            page.recursion(p.scene.noise * z, p, rng).declared
             for z, rng in zip(frames, streams, strict=True)
         ]
     )
@@ -322,7 +322,7 @@ NOISES = {
 def delivered(recordings=40, n=200, trials=400):
     """Delivered false alarms of thresholds from n blocks of each recording."""
     page = tbdcore.page("dp_tbd")
-    p = page.Params(K=SMALL[0], grid=SMALL[1:], M=2)
+    p = page.Scenario(K=SMALL[0], grid=SMALL[1:], M=2)
     print(f"\ndelivered at 0.05 per search, thresholds from {n} blocks, {recordings} recordings")
     for name, draw in NOISES.items():
         shares, covered = [], []

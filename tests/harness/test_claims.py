@@ -314,6 +314,13 @@ def test_a_printed_bound_is_relaxed_by_its_half_digit(tmp_path):
     assert (verdict.verdict, verdict.measured, verdict.z) == ("reproduced", "margin 0.200", "20.0")
 
 
+@pytest.mark.parametrize("value", ["> 2", "few"])
+def test_a_rule_may_say_by_how_much_a_bound_is_relaxed(tmp_path, value):
+    row = f"b,Fig. 4,error,,{value},cells,bound,Sec. 1,Error less 2; half = 0.25,measured,"
+    verdict = ledger(tmp_path, HEADER, row).check("b", -0.2, se=0.01, n=100)
+    assert (verdict.verdict, verdict.measured) == ("reproduced", "margin 0.050")
+
+
 @pytest.mark.parametrize(
     ("shown", "table"),
     [

@@ -23,7 +23,13 @@ def folder(repository):
 
 def test_a_row_that_depends_is_counted_and_listed(folder):
     assert cli.main(["score"]) == 0
-    (line,) = (each for each in paths.README.read_text().splitlines() if "01_tiny" in each)
+    (said, line) = sorted(
+        each for each in paths.README.read_text().splitlines() if "01_tiny" in each
+    )
+    assert (
+        said
+        == "On a [reading](data/readings.csv) depend [01_tiny](notebooks/01_tiny.ipynb) `mean`."
+    )
     assert "| 2 | 1 | 0 | 1 | 0 | 1 untestable |" in line
     card = pd.read_csv(folder / "figures" / "scorecard.csv").set_index("id")
     assert list(card["readings"].dropna()) == ["1 of 2: all reproduced, half differs"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import misfit, motion
+from tbdcore import misfit, motion, recording
 
 SEEDS = range(4)
 LOUD = 1.4  # times the noise that the page is told
@@ -18,10 +18,17 @@ LOUD = 1.4  # times the noise that the page is told
 
 @pytest.fixture(scope="module")
 def dp():
+    """Tracks of a block above the threshold of blocks with the same gaps."""
     page, rng = tbdcore.page("dp_tbd"), np.random.default_rng(0)
-    p = page.Scenario(K=8, grid=(40, 64), M=2, mean=0.0, sigma2=1.0)
-    threshold = page.threshold(page.noise_maxima(p, 200, rng), 0.05)
-    return lambda z: page.detect(z, p, threshold)
+    p = page.Scenario(K=8, grid=(40, 64), M=2)
+    noise = rng.standard_normal((200, 8, 40, 64))
+
+    def find(z, name="tonissen"):
+        algorithm = getattr(page, name)
+        peaks = page.noise_maxima(noise, p, algorithm, like=z)
+        return page.detect(z, p, recording.threshold(peaks, 0.05).value, algorithm)
+
+    return find
 
 
 def block(seed, *targets, noise=1.0, missing=None):
@@ -34,7 +41,7 @@ def block(seed, *targets, noise=1.0, missing=None):
         z[k[inside], *path[inside].T] += amplitude
         known.append(path)
     if missing is not None:
-        z[missing] = 0.0
+        z[missing] = np.nan
     return z, known
 
 
@@ -46,12 +53,13 @@ def misses(track, path):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_01_finds_a_target_along_the_border(dp, seed):
     z, (path,) = block(seed, (0, 20, 0, 4.0))
-    assert all(misses(track, path).max() <= 3 for track in dp(z))
+    assert misses(dp(z)[0], path).max() <= 3
 
 
 def test_01_mostly_stays_at_the_border_where_a_target_leaves(dp):
+    """A path of constant velocity cannot; but it is declared in the blocks before."""
     runs = [block(seed, (30, 20, 2, 4.0)) for seed in SEEDS]
-    paths = [(dp(z).conventional, path) for z, (path,) in runs]
+    paths = [(dp(z, "conventional")[0], path) for z, (path,) in runs]
     assert np.median([misses(track, path)[:5] for track, path in paths]) <= 1
     assert np.median([track.cells[-1, 0] for track, _ in paths]) >= 35
 
@@ -61,41 +69,45 @@ def test_01_follows_a_target_that_vanishes_as_long_as_it_is_there(dp):
     for seed in SEEDS:
         z, (path,) = block(seed, (5, 20, 1, 4.0))
         z[6:] = np.random.default_rng(100 + seed).standard_normal((2, 40, 64))
-        far += [misses(track, path)[:6] for track in dp(z)]
+        far.append(misses(dp(z)[0], path)[:6])
     assert np.median(far) <= 1
     assert np.mean(np.array(far) <= 3) > 0.9
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_01_follows_the_stronger_of_two(dp, seed):
-    z, (strong, _) = block(seed, (5, 10, 1, 5.0), (30, 40, 0, 4.0))
-    assert all(misses(track, strong).max() <= 2 for track in dp(z))
+def test_01_finds_two_targets_the_stronger_one_first(dp, seed):
+    z, targets = block(seed, (5, 10, 1, 6.0), (30, 40, 0, 4.0))
+    found = dp(z)
+    assert len(found) == 2
+    assert all(misses(*pair).max() <= 2 for pair in zip(found, targets, strict=True))
 
 
 def test_01_declares_power_without_a_target_as_often_as_was_allowed():
+    """The threshold is that of the same power; a warning says that power is not normal."""
     page, rng = tbdcore.page("dp_tbd"), np.random.default_rng(0)
-    p, power = page.Scenario(K=8, grid=(20, 20), M=2, mean=1.0), (8, 20, 20)
-    peaks = page.noise_maxima(p, 200, rng, noise=lambda rng: rng.standard_exponential(power))
-    threshold = page.threshold(peaks, 0.05)
-    declared = [page.detect(rng.standard_exponential(power), p, threshold) for _ in range(100)]
-    shares = np.mean([[track is not None for track in tracks] for tracks in declared], axis=0)
-    assert (shares <= 0.12).all(), "0.05 asked; three errors of 0.022"
+    p, power = page.Scenario(K=8, grid=(20, 20), M=2, mean=1.0), (300, 8, 20, 20)
+    blocks = rng.standard_exponential(power)
+    V_T = recording.threshold(page.noise_maxima(blocks[:200], p), 0.05).value
+    with pytest.warns(misfit.Misfit, match="tail"):
+        declared = [bool(page.detect(z, p, V_T)) for z in blocks[200:]]
+    assert np.mean(declared) <= 0.12, "0.05 asked; three errors of 0.022"
 
 
 def test_01_declares_nothing_in_noise_but_what_was_allowed(dp):
-    declared = [track is not None for seed in range(40) for track in dp(block(seed)[0])]
-    assert sum(declared) <= 14, "six expected of 120 at 5 %, three of each block alike"
+    declared = sum(bool(dp(block(seed)[0])) for seed in range(40))
+    assert declared <= 6, "two expected of 40 at 5 %, three errors of 1.4"
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_01_declares_noise_that_is_louder_than_told(dp, seed):
-    assert all(track is not None for track in dp(block(seed, noise=LOUD)[0]))
+    with pytest.warns(misfit.Misfit, match="spread"):
+        assert dp(block(seed, noise=LOUD)[0])
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_01_bridges_a_missing_frame(dp, seed):
     z, (path,) = block(seed, (5, 20, 1, 4.0), missing=4)
-    assert all(misses(track, path).max() <= 3 for track in dp(z))
+    assert misses(dp(z)[0], path).max() <= 3
 
 
 # 02: forty frames, a target from the eleventh on
