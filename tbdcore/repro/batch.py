@@ -1,4 +1,4 @@
-"""Runs: one notebook in a process of its own, or one notebook over a list of values.
+"""Runs of a notebook, each in a process of its own, and the tables of a sweep.
 
 The child process (this module's ``__main__``) has a session of its own.  An interrupt of the parent
 ends the child and everything that it started; the child does the same when its parent has

@@ -484,16 +484,17 @@ class Ledger:
             raise self._error(f"{claim.id}: {wrong}; given are {given or 'none'}")
         flown = {(name, it): each[it] for name, each in readings.items() for it in each}
         points = sum(np.size(option.difference) for option in flown.values())
-        alone = len(readings) == 1  # then its options need no name before them
-        default = self.readings[next(iter(readings))].default if alone else "default"
-        told, sure = [f"{default} {row.verdict}"], {row.verdict}
-        for words, it in flown.items():
+        alone = next(iter(readings)) if len(readings) == 1 else ""
+        every = {self.readings[alone].default if alone else "default": row.verdict}
+        sure = {row.verdict}
+        for (name, option), it in flown.items():
             verdict = self.judged(claim, it.measured, it.se, it.n, reached).verdict
-            told.append(" ".join([*words[alone:], verdict]))
+            every[option if alone else f"{name} {option}"] = verdict
             if np.any(np.abs(it.difference) > quantile(it.n, points) * np.asarray(it.error)):
                 sure.add(verdict)
-        count = sum(each.endswith(" reproduced") for each in told)
-        row = row._replace(readings=f"{count} of {len(told)}: {', '.join(told)}")
+        told = ", ".join(map(" ".join, every.items()))
+        count = [*every.values()].count("reproduced")
+        row = row._replace(readings=f"{count} of {len(every)}: {told}")
         depends = self._measured(claim) and sure >= {"reproduced", "differs"}
         return row._replace(verdict="depends") if depends else row
 
