@@ -435,7 +435,7 @@ def starts(
     (first, middle, last), rate = places, 1 / (before + after)
     limit = 3 * sigma * math.hypot(1 / before, 1 / after, 1 / before + 1 / after)
     bend = [(last - m) / after - ((m - first) / before)[:, None] for m in middle]
-    straight = (abs(np.reshape(bend, (-1, first.size, last.size))) <= limit).any(axis=0)
+    straight = (abs(np.reshape(bend, (middle.size, first.size, last.size))) <= limit).any(axis=0)
     v = (last - first[:, None]) * rate
     i, j = np.nonzero(straight & (abs(v) <= fastest))
     x = np.stack([last[j].real, v[i, j].real, last[j].imag, v[i, j].imag], axis=-1)

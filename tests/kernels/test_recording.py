@@ -255,7 +255,8 @@ def test_starts_are_straight_lines_of_three_plots():
         np.cov(found), rel=0.05
     )
     assert P[0, :2, 2:] == pytest.approx(0.0)
-    assert len(recording.starts([scans[0], None, scans[2]], t, 5.0, 1.0)[0]) == 0
+    for gap in ([None, *scans[1:]], [scans[0], None, scans[2]], [*scans[:2], None]):
+        assert [a.shape for a in recording.starts(gap, t, 5.0, 1.0)] == [(0, 4), (0, 4, 4)]
     for bad in (scans[:2], [*scans[:2], np.ones((2, 1))]):
         with pytest.raises(ValueError, match="recording.starts: "):
             recording.starts(bad, t, 5.0, 1.0)
