@@ -31,6 +31,7 @@ OPTIONS = {
         "metavar": "PAPER[/NAME]",
         "help": "as tbdcore cite has it",
     },
+    "key": {"metavar": "NAME", "help": "of the new paper: small letters, digits, underscores"},
     "file": {"metavar": "FILE", "help": "a product of tbdcore, wherever it is now"},
     "--out": {"metavar": "DIR", "help": "folder for the products, not figures/ or build/sweep"},
     "-p": TEXTS | {"metavar": "name=value", "help": "a parameter; tbdcore list PAPER shows all"},
@@ -57,6 +58,7 @@ COMMANDS = {  # what it does, its options; of a|b at most one
     "cite": ("caption, files and BibTeX of a product; without an id all ids", CITING),
     "which": ("what a file is, what made it, what has changed since", "file --figures"),
     "list": ("the papers; of one paper its parameters and products", "[paper] --figures"),
+    "new": ("begin a chapter with the example of docs/add_a_paper.md", "key"),
     "doctor": ("whether this machine can run it all, with a self-test", ""),
 }
 EXAMPLES = {
@@ -66,6 +68,7 @@ EXAMPLES = {
     "cite": ["", "track_cfar", "track_cfar/fig05 --latex", "dp_tbd --bibtex"],
     "which": ["report/picture.pdf", "figures/track_cfar/fig05.csv"],
     "list": ["", "track_cfar"],
+    "new": ["square_law"],
     "doctor": [""],
 }
 
