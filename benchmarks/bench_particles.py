@@ -112,7 +112,8 @@ def trials():
     z = page.simulate(page.Scene(), np.random.default_rng(2))
     yield "classic, 2000", page, page.recursion, replace(improved, M_new=0), z, 10e-3
     yield "improved, 2000 + 2000", page, page.recursion, improved, z, 25e-3
-    yield "Bernoulli, 2000 + 500", page, page.bernoulli_recursion, replace(improved, M_new=500), z, None
+    mapped = replace(improved, M_new=500)
+    yield "Bernoulli, 2000 + 500", page, page.bernoulli_recursion, mapped, z, None
 
 
 def rows():

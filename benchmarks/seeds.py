@@ -12,7 +12,7 @@ import sys
 import numpy as np
 import pandas as pd
 
-from tbdcore.repro import claims, cli, pages, paths, products, scorecard
+from tbdcore.repro import claims, cli, pages, paths, products
 
 SEEDS = range(21, 30)  # the notebooks' own seed is 20
 
@@ -64,8 +64,7 @@ def main():
     tables = {paper: sweep(paper) for paper in pages.papers()}
     table = counts(tables).merge(together(tables), how="left")
     head = f"# python -m benchmarks.seeds, at commit {commit}\n"
-    file = scorecard.seeds_file()
-    products.write(file.parent, {file.name: head.encode() + products.csv(table)})
+    products.write(paths.SEEDS.parent, {paths.SEEDS.name: head.encode() + products.csv(table)})
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ class FramesRule:
     limited, stack = True, Numbers("K", "nx", "ny", nan=True, single=True)
     limit = stack.limit
 
-    def __call__(self, name, values, sizes, compiled=None):
+    def __call__(self, name, values, sizes):
         if isinstance(values, (list, tuple)) and any(frame is None for frame in values):
             shapes = {np.shape(frame) for frame in values if frame is not None}
             if not shapes:
@@ -43,7 +43,7 @@ class LawRule:
 
     limited = True
 
-    def __call__(self, name, value, sizes, compiled=None):
+    def __call__(self, name, value, sizes):
         self.limit(name, value)
         return value
 
@@ -57,7 +57,7 @@ class ShapeRule:
 
     limited = False
 
-    def __call__(self, name, value, sizes, compiled=None):
+    def __call__(self, name, value, sizes):
         value = value if isinstance(value, (tuple, list)) else (value,)
         return tuple(Integer(1, 2**40)(name, n) for n in value)
 

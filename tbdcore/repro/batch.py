@@ -1,4 +1,4 @@
-"""Runs: one notebook in a process of its own, or one notebook over a list of values.
+"""Runs of a notebook, each in a process of its own, and the tables of a sweep.
 
 The child process (this module's ``__main__``) has a session of its own.  An interrupt of the parent
 ends the child and everything that it started; the child does the same when its parent has
@@ -21,7 +21,8 @@ from typing import NamedTuple
 from tbdcore.repro import claims, pages, paths, processes, products
 from tbdcore.repro.cli import ENVIRONMENT, FAILED, GOOD
 
-QUIET = {  # loky cleans up after killed workers, and says so; the debugger comments on its start
+# loky cleans up after killed workers, and says so; the debugger comments on its start
+QUIET_ENVIRONMENT = {
     "PYTHONWARNINGS": "ignore::UserWarning:loky.backend.resource_tracker",
     "PYDEVD_DISABLE_FILE_VALIDATION": "1",
 }
@@ -133,7 +134,7 @@ def _execute(paper, values, output, debug):
 
     job = json.dumps([paper, values, str(output), str(place), os.getpid()])
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
-    environment = QUIET | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
+    environment = QUIET_ENVIRONMENT | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
     environment["PYTHONSAFEPATH"] = "1"  # no module is imported from the current folder
     if path := os.environ.get("PYTHONPATH"):  # whose first folder ipykernel drops if it is that
         environment["PYTHONPATH"] = os.pathsep.join([str(place), path])

@@ -167,11 +167,11 @@ def records(path, kind, faults=lambda row: (), key=lambda row: row.id):
         missing = next((column for column in columns if column not in header), "")
         wrong = f"the columns are {','.join(header)}; make them {','.join(columns)}"
         raise fault(name, 1, missing, wrong)
-    for number, row in enumerate(rows, start=2):
-        if len(row) != len(columns):
-            wrong = f"{len(row)} fields instead of {len(columns)}; quote fields with commas"
-            raise fault(name, number, columns[min(len(row), len(columns) - 1)], wrong)
-        row = kind(*row)
+    for number, texts in enumerate(rows, start=2):
+        if len(texts) != len(columns):
+            wrong = f"{len(texts)} fields instead of {len(columns)}; quote fields with commas"
+            raise fault(name, number, columns[min(len(texts), len(columns) - 1)], wrong)
+        row = kind(*texts)
         for column, wrong, advice in faults(row):
             if wrong:
                 raise fault(name, number, column, f"{getattr(row, column)!r}; {advice}")
@@ -241,6 +241,7 @@ def readings(paper, folder=None):
         excluded = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
         excluded = [each and each[1] in options and each[1] != it.default for each in excluded]
         near, claim = nearest(it.chapter, known), nearest("".join(lost[:1]), ids)
+        others = f"one of {it.options}, no default"
         several = len({*options}) >= max(2, len(options))
         return [
             ("chapter", it.chapter not in known, f"the nearest paper is {near!r}"),
@@ -248,11 +249,7 @@ def readings(paper, folder=None):
             ("options", not several, "give two or more, each once, with ;"),
             ("default", it.default not in options, f"choose one of {it.options}"),
             ("rows", lost, f"no claim is {lost}; the nearest is {claim!r}"),
-            (
-                "refuted",
-                not all(excluded),
-                f"write option: reason; one of {it.options}, no default",
-            ),
+            ("refuted", not all(excluded), f"write option: reason; {others}"),
         ]
 
     path = (folder or paths.CLAIMS).parent / "readings.csv"
@@ -484,16 +481,17 @@ class Ledger:
             raise self._error(f"{claim.id}: {wrong}; given are {given or 'none'}")
         flown = {(name, it): each[it] for name, each in readings.items() for it in each}
         points = sum(np.size(option.difference) for option in flown.values())
-        alone = len(readings) == 1  # then its options need no name before them
-        default = self.readings[next(iter(readings))].default if alone else "default"
-        told, sure = [f"{default} {row.verdict}"], {row.verdict}
-        for words, it in flown.items():
+        alone = next(iter(readings)) if len(readings) == 1 else ""
+        every = {self.readings[alone].default if alone else "default": row.verdict}
+        sure = {row.verdict}
+        for (name, option), it in flown.items():
             verdict = self.judged(claim, it.measured, it.se, it.n, reached).verdict
-            told.append(" ".join([*words[alone:], verdict]))
+            every[option if alone else f"{name} {option}"] = verdict
             if np.any(np.abs(it.difference) > quantile(it.n, points) * np.asarray(it.error)):
                 sure.add(verdict)
-        count = sum(each.endswith(" reproduced") for each in told)
-        row = row._replace(readings=f"{count} of {len(told)}: {', '.join(told)}")
+        told = ", ".join(map(" ".join, every.items()))
+        count = [*every.values()].count("reproduced")
+        row = row._replace(readings=f"{count} of {len(every)}: {told}")
         depends = self._measured(claim) and sure >= {"reproduced", "differs"}
         return row._replace(verdict="depends") if depends else row
 

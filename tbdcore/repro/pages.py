@@ -31,9 +31,9 @@ from tbdcore.repro.claims import nearest
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 EXECUTION = ("workers", "scheduler", "out")  # parameters that cannot change a result
 # modules that every product passes through
-EVERYWHERE = "from tbdcore.repro import claims, figures, products, screen, trials"
+ALWAYS_IMPORTED = "from tbdcore.repro import claims, figures, products, screen, trials"
 LARGEST = 2**63  # integers are below, so that any program can read them in a record
-_ONE_AT_A_TIME = threading.RLock()  # a page may use others
+_LOCK = threading.RLock()  # a page may use others
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,7 +147,7 @@ def page(paper):
     script run exactly what the page shows.  Its functions reach worker processes.
     """
     name, source = f"tbdcore_page_{paper}", "\n\n\n".join(cells(paper, "algorithm"))
-    with _ONE_AT_A_TIME:  # a worker may have threads, and all of them may ask for the page at once
+    with _LOCK:  # a worker may have threads, and all of them may ask for the page at once
         if name in sys.modules and sys.modules[name].__source__ == source:
             return sys.modules[name]
         core = [file.read_bytes() for file in products.imported(source)]  # its kernels go along
@@ -262,7 +262,7 @@ def digest(paper):
         parts = [products.meaning(cell) for cell in code]
     except SyntaxError as error:
         raise ValueError(f"{path(paper).name}: a code cell is no Python: {error}") from None
-    files = products.imported("\n".join([*code, EVERYWHERE]))
+    files = products.imported("\n".join([*code, ALWAYS_IMPORTED]))
     files.append(paths.PACKAGE / "__init__.py")  # the decorator of all kernels
     parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
     if paper == "index":

@@ -34,24 +34,19 @@ def files(folder, readme):
     return {folder / "scorecard.csv": products.csv(every)} | made
 
 
-def seeds_file():
-    """The study of the seeds."""
-    return paths.CLAIMS.parent / "seeds.csv"
-
-
 def study():
     """The study: paper, claim, number of seeds, of each verdict, and a number's verdict on all
     trials together; empty without one, ValueError when the file is no such table.
     """
     columns = ["paper", "claim", "seeds", *claims.JUDGED, "together"]
-    if not seeds_file().is_file():
+    if not paths.SEEDS.is_file():
         return pd.DataFrame(columns=columns)
     table = pd.DataFrame()
     with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
-        table = pd.read_csv(seeds_file(), comment="#")
+        table = pd.read_csv(paths.SEEDS, comment="#")
     if list(table) != columns or not len(table):
         wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
-        raise ValueError(f"{seeds_file()}: {wrong}")
+        raise ValueError(f"{paths.SEEDS}: {wrong}")
     return table
 
 

@@ -4,17 +4,19 @@ import io
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import types
 
+import pandas as pd
 import papermill
 import pytest
 import tiny
 from jupyter_client.kernelspec import NoSuchKernel
 from nbclient.exceptions import DeadKernelError
 
-from tbdcore.repro import batch, cli, paths
+from tbdcore.repro import batch, claims, cli, paths
 
 PIPES = {"capture_output": True, "text": True, "check": True}
 
@@ -66,6 +68,28 @@ def test_resume_does_not_skip_what_is_not_done(inside, change):
     else:
         about.write_text(about.read_text().replace('"numpy": "', '"numpy": "0'))
     assert would_skip({}) == [False]
+
+
+def test_a_sweep_has_a_table_of_its_verdicts_and_one_of_their_shares(inside):
+    places = {value: inside / "build" / f"shift={value}" for value in ("-1", "1", "2")}
+    for value, place in places.items():
+        file = shutil.copytree(inside / "figures" / "tiny", place / "tiny") / "verdicts.csv"
+        if value == "-1":
+            text = file.read_text()
+            file.write_text(
+                text.replace("reproduced,,measured,\nprice", "differs,,measured,\nprice")
+            )
+    batch.tabulate("tiny", "shift", places, inside / "build")
+    every = pd.read_csv(inside / "build" / "shift.csv", dtype=str)
+    assert list(every) == list(batch.TABLE)
+    judged = every[every["claim"] == "order"]
+    assert judged["value"].tolist() == ["-1", "1", "2"]
+    assert judged["verdict"].tolist() == ["differs", "reproduced", "reproduced"]
+    shares = pd.read_csv(inside / "build" / "shift_shares.csv").set_index("claim")
+    assert list(shares) == ["evidence", "values", *claims.VERDICTS]
+    assert shares["values"].tolist() == [3, 3, 3]
+    assert shares.loc["order", ["reproduced", "differs"]].tolist() == [0.666667, 0.333333]
+    assert shares.loc["price", "untestable"] == 1
 
 
 def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):

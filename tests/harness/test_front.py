@@ -1,11 +1,16 @@
 """README.md, README.zh.md and the workflows: what a stranger meets first."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 import tomllib
+from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
 from tbdcore.repro import cite, claims, front, pages, paths
 
@@ -152,9 +157,6 @@ def test_each_chinese_word_of_a_title_or_claim_is_in_the_papers_that_the_glossar
 
 def test_the_glossary_is_that_of_the_papers():
     """TBDCORE_PAPERS names a folder with the texts, <paper>.txt or <paper>/paper.txt."""
-    import os
-    from pathlib import Path
-
     folder = os.environ.get("TBDCORE_PAPERS")
     if not folder:
         pytest.skip("needs the texts of the papers: TBDCORE_PAPERS=/path/to/them")
@@ -166,3 +168,55 @@ def test_the_glossary_is_that_of_the_papers():
 
 
 # Workflows -------------------------------------------------------------------------------------
+
+WORKFLOWS = sorted((paths.ROOT / ".github" / "workflows").glob("*"))
+
+
+def steps(workflow):
+    """All steps of a workflow."""
+    jobs = yaml.safe_load(workflow.read_text(encoding="utf-8"))["jobs"].values()
+    return [step for job in jobs for step in job["steps"]]
+
+
+@pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda file: file.name)
+def test_a_workflow_is_one(workflow):
+    """By the schema of GitHub's workflows, as check-jsonschema has it."""
+    words = ["--builtin-schema", "vendor.github-workflows", str(workflow)]
+    run = subprocess.run(
+        [sys.executable, "-m", "check_jsonschema", *words], capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stdout
+
+
+def test_the_schema_finds_a_wrong_workflow(tmp_path):
+    wrong = tmp_path / "wrong.yml"
+    text = WORKFLOWS[0].read_text(encoding="utf-8")
+    wrong.write_text(text.replace("runs-on", "runs_on"), encoding="utf-8")
+    with pytest.raises(AssertionError, match="runs_on"):
+        test_a_workflow_is_one(wrong)
+
+
+@pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda file: file.name)
+def test_a_workflow_runs_what_is_in_ci_and_nothing_else(workflow):
+    commands = [step["run"] for step in steps(workflow) if "run" in step]
+    assert commands
+    for command in commands:
+        script = re.fullmatch(r"sh (\.ci/\w+)", command)
+        assert script, command
+        assert (paths.ROOT / script[1]).is_file()
+    known = "actions/(checkout|setup-python|upload-pages-artifact|deploy-pages)@v[0-9]+"
+    assert all(re.fullmatch(known, step["uses"]) for step in steps(workflow) if "uses" in step)
+
+
+def test_the_tests_run_on_the_oldest_and_the_newest_python():
+    about = tomllib.loads((paths.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    named = [line.rpartition(" ")[2] for line in about["classifiers"] if "Python :: 3." in line]
+    (test,) = (file for file in WORKFLOWS if file.name == "test.yml")
+    jobs = yaml.safe_load(test.read_text(encoding="utf-8"))["jobs"]
+    assert jobs["test"]["strategy"]["matrix"]["python"] == [named[0], named[-1]]
+
+
+def test_the_changelog_is_short():
+    parts = (paths.ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    assert [part.partition(" ")[0] for part in parts] == ["Third", "Second", "First"]
+    assert all(len(part.strip().splitlines()) <= 12 for part in parts), "heading and ten lines"
