@@ -12,7 +12,7 @@ import sys
 import numpy as np
 import pandas as pd
 
-from tbdcore.repro import claims, cli, pages, paths, products
+from tbdcore.repro import claims, cli, pages, paths, products, scorecard
 
 SEEDS = range(21, 30)  # the notebooks' own seed is 20
 
