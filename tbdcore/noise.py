@@ -1,15 +1,7 @@
 """Laws of noise and clutter: frames without a target, and what makes them differ from white noise.
 
-**Laws.**  ``gaussian`` (mean 0, variance 1), ``exponential`` and ``k_power`` (power of mean 1)
-draw frames of independent cells.  **Correlation.**  ``correlated`` gives standard normal
-frames whose neighbours are not independent; ``as_power`` turns them into power of mean 1
-with the same neighbours.  **Faults.**  ``louder`` changes the level, ``sloped`` lets it vary
-across the frame, ``with_gaps`` takes frames away.
-
-Frames have the shape (K, nx, ny): K frames, then the two axes of a frame.  A list of frames will
-do, and None in it is a missing frame.  A gap is NaN, a cell or a whole frame: functions that take
-frames keep it, functions that draw frames make none.  Other invalid values are a ValueError of one
-line.
+Frames have the shape (K, nx, ny); a list of frames will do, and None in it is a missing frame.  A
+gap is NaN, a cell or a whole frame: functions that take frames keep it.
 """
 
 import math
@@ -57,7 +49,6 @@ class LawRule:
         return value
 
     def limit(self, name, value):
-        """ValueError unless the value is a name in LAWS."""
         if not isinstance(value, str) or value not in LAWS:
             raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(LAWS)}")
 

@@ -6,10 +6,8 @@
     peaks = [statistic(block) for block in recording.blocks(z, 11)]
     V_T = recording.threshold(peaks, 0.05).value
 
-``frames`` has the shape (K, nx, ny): K frames in their order of time, then the axes of a frame; a
-list of frames will do, in which None is a missing frame.  **A gap is NaN**, a cell or a frame:
-estimates leave it out, and what returns frames returns NaN there.  Infinite values, text, complex
-samples and masks that hide cells are a ValueError of one line, as all invalid arguments are.
+``frames`` (K, nx, ny) are in their order of time; a list will do, in which None is a missing frame.
+**A gap is NaN**, a cell or a frame: estimates leave it out, and frames that are returned keep it.
 
 The law of the noise is ``"gaussian"`` (values around a mean, chapters 01 and 02) or
 ``"exponential"`` (power, chapter 03); any other law is turned into one of these two by
@@ -29,15 +27,8 @@ from tbdcore.checks import Array, Flag, Integer, Number, Numbers, checked, numbe
 from tbdcore.noise import Frames, Generator, Law
 
 __all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law", "inject"]
-__all__ += [
-    "log_ratio",
-    "merge_plots",
-    "normal_scores",
-    "normalise",
-    "plots",
-    "starts",
-    "threshold",
-]
+__all__ += ["log_ratio", "merge_plots", "normal_scores", "normalise", "plots"]
+__all__ += ["starts", "threshold"]
 
 LN2, SMALL, ROUNDS = math.log(2.0), 1e-300, 8
 CLIP = {"gaussian": 3.0, "exponential": 5.0}  # standard deviations, mean powers
@@ -153,10 +144,9 @@ def normalise(frames: Frames, at: Level, law: Law = "gaussian") -> Array:
 
 
 class TailedLaw(NamedTuple):
-    """A law measured from noise; ``sf``, ``cdf`` and ``logpdf`` as of a SciPy distribution.
+    """A law measured from noise: its quantiles x (n,) at probabilities p, and Pareto tails.
 
-    x, p : (n,) quantiles of the noise and their probabilities, interpolated without overshoot
-    low, high : (shape, scale) of the generalised Pareto tails below x[0] and above x[-1]
+    low, high : (shape, scale) of the generalised Pareto laws below x[0] and above x[-1]
     """
 
     x: Array
@@ -166,18 +156,17 @@ class TailedLaw(NamedTuple):
 
     def sf(self, z):
         """Probability of a value above z."""
-        return self._laws(z)[0]
+        return self._survival_and_density(z)[0]
 
     def cdf(self, z):
         """Probability of a value of at most z."""
-        return 1 - self._laws(z)[0]
+        return 1 - self.sf(z)
 
     def logpdf(self, z):
         """Logarithm of the density."""
-        return np.log(np.maximum(self._laws(z)[1], SMALL))
+        return np.log(np.maximum(self._survival_and_density(z)[1], SMALL))
 
-    def _laws(self, z):
-        """Survival and density."""
+    def _survival_and_density(self, z):
         from scipy.interpolate import PchipInterpolator
         from scipy.stats import genpareto
 
@@ -185,21 +174,18 @@ class TailedLaw(NamedTuple):
         below, above = (genpareto(shape, 0, scale) for shape, scale in (self.low, self.high))
         low, high, p, q = z < self.x[0], z > self.x[-1], self.p[0], 1 - self.p[-1]
         under, over = self.x[0] - z, z - self.x[-1]
-        survival = np.where(high, q * above.sf(over), 1 - cdf(inside))
-        density = np.where(high, q * above.pdf(over), cdf.derivative()(inside))
-        return np.where(low, 1 - p * below.sf(under), survival), np.where(
-            low, p * below.pdf(under), density
-        )
+        sf = np.where(high, q * above.sf(over), 1 - cdf(inside))
+        pdf = np.where(high, q * above.pdf(over), cdf.derivative()(inside))
+        return np.where(low, 1 - p * below.sf(under), sf), np.where(low, p * below.pdf(under), pdf)
 
 
 @checked
 def empirical_law(noise: Frames, tail: Annotated[float, Number(0.001, 0.2)] = 0.02) -> TailedLaw:
-    """The law of noise, from cells without a target (any shape of frames); NaN is left out.
+    """The law of noise, from 2,000 or more cells without a target.
 
     The middle is the empirical distribution; the share ``tail`` at each end is a generalised Pareto
-    law (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987); it ends
-    where the values have a clear limit, as power at 0, and is exponential or heavier otherwise.
-    2,000 cells are the least.
+    law (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987), with an
+    end where the values have a clear one, as power at 0, and exponential or heavier otherwise.
     """
     z = np.sort(noise[noise == noise].astype(float))
     if z.size < 2000:
@@ -225,9 +211,8 @@ def _tail(excess):
 def normal_scores(frames: Frames, law: Any) -> Array:
     """Scores that are standard normal if ``law`` is the law of the noise; NaN stays.
 
-    law : has ``cdf`` and ``sf``, as a frozen SciPy distribution or :func:`empirical_law`, or is a
-        function of the values that returns their cumulative probability.  Scores are within
-        +-37, where the probability is 1e-300; a bare function resolves 8 at the upper end.
+    law : has ``cdf`` and ``sf``, as a frozen SciPy distribution or :func:`empirical_law`, or is
+        the function ``cdf``.  Scores are within +-37, of a function below 8.
     """
     cdf = getattr(law, "cdf", law)
     if not callable(cdf):
@@ -301,9 +286,8 @@ def threshold(
 ) -> Threshold:
     """Threshold that a search without a target exceeds with probability ``p_false``.
 
-    peaks : (n,) largest value of each of n >= 30 blocks without a target, or (n, sets), a threshold
-        for each set
-    independent : number of blocks that do not overlap, if ``blocks`` was given a step below K
+    peaks : (n,) largest value of each of n >= 30 blocks without a target, or (n, sets)
+    independent : number of blocks that do not depend on each other, if these are fewer
 
     The threshold is the order statistic r = p_false (n + 1) from above.  On average it delivers
     p_false for any law of the noise (with r below 2 a tenth less, since r is interpolated, and a
@@ -339,9 +323,8 @@ def plots(
 ) -> list:
     """Plots of each frame: a list of (n, 5), place on both axes, strength, accuracy on both axes.
 
-    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz 1966).  NaN
-    cells are not above it.  A frame that is missing, all NaN, gives None: no scan was taken; one in
-    which nothing is above eta gives (0, 5).
+    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz 1966).  A
+    missing frame gives None: no scan was taken.
 
     frames : noise of mean 0 and variance 1, or power of mean 1 ("exponential")
     eta : threshold, in the unit of the frames, above the noise's mean
@@ -389,9 +372,8 @@ def merge_plots(
 ) -> Array:
     """Plots of one extended target made one: rows (m, d) of x, y and any further columns.
 
-    Plots whose places (the first two columns, in one unit) are at most ``distance`` apart, also
-    through others between them, are one (single linkage, Sibson 1973).  Each column of the result
-    is the mean over the group.
+    Plots at most ``distance`` apart, also through others between them, are one (single linkage,
+    Sibson 1973); each column is the mean over the group.
 
     weights : (n,) positive, as the plots' strengths; None: all alike
     """
@@ -467,11 +449,10 @@ def blur_of(
     eta : least value of a place: a cell that is the largest within 2 ``half`` cells
     half : cells on each side of the peak that a moment reads; three times the blur or more
 
-    The images of the places are added; the mean of the sum's outermost cells is its background; and
-    the moments read 3 blurs and a cell to each side.  ``value`` is the width of the image as it is;
-    that of power is the amplitude's over sqrt(2), so ``sd_r``, ``sd_a`` of chapter 03 are sqrt(2)
-    times it.  Places closer to the border than ``half`` cells or with a gap in reach are not used;
-    with fewer than five the result is NaN.
+    The images of the places are added, less the mean of their outermost cells; the moments read 3
+    blurs and a cell to each side.  The width of power is the amplitude's over sqrt(2): ``sd_r``,
+    ``sd_a`` of chapter 03 are sqrt(2) times it.  Places within ``half`` cells of the border or of a
+    gap are not used; with fewer than five the result is NaN.
     """
     from scipy.ndimage import maximum_filter
 
@@ -509,10 +490,9 @@ def _moments(patches):
 def bin_cells(frames: Frames, n: Annotated[int, Integer(1, 1000)], law: Law = "gaussian") -> Array:
     """Frames of cells n times as wide, (K, nx // n, ny // n), for a blur above what a filter takes.
 
-    gaussian:     the sum of n x n cells / n: white noise keeps its variance; the blur is divided by
-                  n, a target's summed amplitude too
-    exponential:  the mean of n x n cells: it keeps mean 1, but is no longer exponential; a few of
-                  these then want :func:`normal_scores`
+    gaussian:     the sum of n x n cells / n: white noise keeps its variance; the blur and a
+                  target's summed amplitude are divided by n
+    exponential:  the mean of n x n cells, no longer exponential: use :func:`normal_scores`
 
     A new cell is NaN if one of its cells is; rows and columns that are left over are dropped.
     """

@@ -132,6 +132,11 @@ def test_crlf(tmp_path):
     refused(written(tmp_path, *GOOD, end="\r\n"), "row 1", "CR")
 
 
+def test_the_rows_of_a_file_are_counted_from_its_first_line(tmp_path):
+    (tmp_path / "toy.csv").write_bytes(b"\n\n\r\n")
+    refused(tmp_path, "row 3", "CR")
+
+
 def test_byte_order_mark(tmp_path):
     refused(written(tmp_path, "\ufeff" + GOOD[0], *GOOD[1:]), "row 1", "byte-order mark")
 

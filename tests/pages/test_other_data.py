@@ -1,6 +1,7 @@
-"""Data that are not the papers': the tables at the end of docs/own_data.md."""
+"""Data that are not the papers': the tables of Section 9 of docs/own_data.md."""
 
 import itertools
+import re
 from contextlib import nullcontext
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import tbdcore
 from tbdcore import misfit, motion, recording
+from tbdcore.repro import paths
 
 SEEDS = range(4)
 LOUD = 1.4  # times the noise that the page is told
@@ -328,3 +330,50 @@ def test_05_close_targets_without_amplitudes():
         kept[merged, method] = np.mean(good)
     assert kept[0.0, "JIPDA"] - kept[0.0, "LJIPDA"] > 0.1, "0.3 in a hundred, less 2 errors"
     assert max(kept[0.8, method] for method in ("JIPDA", "LJIPDA", "IPDA")) < 0.3
+
+
+def test_04_follows_one_of_two_whose_plots_merge():
+    page, rng = tbdcore.page("track_cfar"), np.random.default_rng(1)
+    x, scans, truth = pair_of_boats(rng, 0.8)
+    polar = [np.c_[np.hypot(*z.T), np.arctan2(z[:, 1], z[:, 0])] for z in scans[1:]]
+    p = page.Scenario(scan=2.5, bandwidth=10.0, beamwidth=1.0, sigma_p=0.1)
+    tracks = page.run(polar, p, accuracy=(6.0, 0.007), start=(x[0], np.diag([36.0, 1, 36, 1])))
+    assert len(tracks) == len(polar)
+    off = np.array([np.hypot(*(t.x[::2] - z).T) for t, z in zip(tracks, truth[1:], strict=True)])
+    assert np.median(off.min(axis=1)) < 15
+
+
+# The tables
+
+ROWS = {
+    "target along the border": "01_finds_a_target_along_the_border 02[border] 03[border]",
+    "target leaves the frame": "01_mostly_stays_at_the_border_where_a_target_leaves 02[leaves] "
+    "03[leaves]",
+    "weak target vanishes inside the frame": "01_follows_a_target_that_vanishes_as_long_as_it_is_"
+    "there 02[vanishes] 03_a_weak_target_that_vanishes",
+    "two targets far apart": "01_finds_two_targets_the_stronger_one_first 02[two] 03[two]",
+    "no target": "01_declares_nothing_in_noise_but_what_was_allowed 02[none] 03[none]",
+    "noise 1.4 times as large as told": "01_declares_noise_that_is_louder_than_told 02[loud] "
+    "03[loud]",
+    "a missing frame": "01_bridges_a_missing_frame 02[gap] 03[gap]",
+    "a scan without plots": "04[gap] 05[gap]",
+    "a scan that was not taken": "04[untaken] 05[untaken]",
+    "target gone": "04[gone] 05[gone]",
+    "a second target far away": "04[two] 05[gone]",
+    "more clutter than told": "04[two] 05[little]",
+    "two targets whose plots mostly merge": "04_follows_one_of_two_whose_plots_merge "
+    "05_close_targets_without_amplitudes",
+}
+
+
+def test_each_row_of_the_tables_has_a_test_for_each_chapter():
+    text = (paths.root() / "docs" / "own_data.md").read_text(encoding="utf-8")
+    text = text[text.index("## 9.") : text.index("## 10.")]
+    rows = re.findall(r"^\| ([^|]+) \|", text, re.M)
+    assert [row for row in rows if row != "case"] == list(ROWS)
+    for tests in ROWS.values():
+        for name in tests.split():
+            test = globals()[f"test_{name.partition('[')[0]}"]
+            case = name.partition("[")[2].strip("]")
+            marks = [mark for mark in test.pytestmark if "case" in mark.args] if case else []
+            assert not case or any(case in mark.args[1] for mark in marks), name
