@@ -327,6 +327,8 @@ def stage(folder):
         shutil.copytree(paths.ROOT / name, folder / name, ignore=unwanted)
     for name in FILES:
         shutil.copy(paths.ROOT / name, folder / name)
+    cited = clone.citation(paths.CITATION.read_text("utf-8"), clone.find())
+    (folder / paths.CITATION.name).write_text(cited, "utf-8")
     chapters = {paper: Chapter(paper) for paper in pages.notebooks()}
     texts = {f"{name}/README.md": f"# {title}\n\n{{}}" for name, title in TITLES.items()}
     texts = {name: text.format((folder / name).read_text("utf-8")) for name, text in texts.items()}

@@ -75,14 +75,15 @@ def checked(function=None, *, inside=None):
         kinds = tuple(
             [(a.dtype, a.shape) if type(a) is Array and a.flags.carray else type(a) for a in args]
         )
-        if kinds not in known:
-            args, steps = _fitted(rules, args, kinds)
-            if steps is not None:
+        needed = known.get(kinds)
+        if needed is None:
+            args, needed = _fitted(rules, args, kinds)
+            if needed is not None:
                 if len(known) > 1000:
                     known.clear()
-                known[kinds] = steps
+                known[kinds] = needed
             return function(*args)
-        scalars, limits = known[kinds]
+        scalars, limits = needed
         if scalars:
             args = list(args)
             for n, rule, name in scalars:

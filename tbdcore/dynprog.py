@@ -61,9 +61,24 @@ def margin(frames: Block, width: Width) -> Array:
     if frames.size == 0:
         raise ValueError(f"margin: frames: shape {frames.shape}; give at least one cell")
     K, Nx, Ny = frames.shape
-    framed = np.full((K, Nx + 2 * width, Ny + 2 * width), -np.inf, frames.dtype)
-    framed[:, width : width + Nx, width : width + Ny] = frames
+    framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
+    _frame(framed, frames, width)
     return framed
+
+
+@kernel
+def _frame(framed, frames, width):
+    """The loop of :func:`margin`."""
+    K, Nx, Ny = frames.shape
+    for k in range(K):
+        for i in range(framed.shape[1]):
+            row = framed[k, i]
+            for j in range(row.size):
+                row[j] = -np.inf
+        for i in range(Nx):
+            row, cells = framed[k, width + i, width:], frames[k, i]
+            for j in range(Ny):
+                row[j] = cells[j]
 
 
 # Transitions: which states precede a state, and what each way costs

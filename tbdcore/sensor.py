@@ -224,7 +224,9 @@ def point_frames(
     shape = noise.shape[1:]
     if amplitude.shape not in ((), (K,)):
         raise ValueError(f"point_frames: amplitude: shape {amplitude.shape}; a number or ({K},)")
-    for k in np.flatnonzero(((cells < 0) | (cells >= shape)).any(axis=1)):
+    inside = (cells >= 0) & (cells < shape)
+    if not inside.all():
+        k = int(inside.all(axis=1).argmin())
         raise ValueError(f"point_frames: cells[{k}] is {cells[k].tolist()}, outside {shape}")
     z = noise.copy()
     z[np.arange(K), cells[:, 0], cells[:, 1]] += amplitude

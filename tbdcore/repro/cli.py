@@ -26,6 +26,7 @@ OPTIONS = {
     "[paper]": PAPER | {"nargs": "?"},
     "values": {"metavar": "name=v1,v2,...", "help": "one parameter; between lists write ;"},
     "id": ID | {"nargs": "?", "default": ""},
+    "key": {"metavar": "NAME", "help": "of the new paper: small letters, digits, underscores"},
     "file": {"metavar": "FILE", "help": "a product of tbdcore, wherever it is now"},
     "--out": {"metavar": "DIR", "help": "folder for the products, not figures/ or build/sweep"},
     "-p": TEXTS | {"metavar": "name=value", "help": "a parameter; tbdcore list PAPER shows all"},
@@ -52,6 +53,7 @@ COMMANDS = {  # what it does, its options; of a|b at most one
     "cite": ("caption, files and BibTeX of a product; without an id all ids", CITING),
     "which": ("what a file is, what made it, what has changed since", "file --figures"),
     "list": ("the papers; of one paper its parameters and products", "[paper] --figures"),
+    "new": ("begin a chapter with the example of docs/add_a_paper.md", "key"),
     "doctor": ("whether this machine can run it all, with a self-test", ""),
 }
 EXAMPLES = {
@@ -61,6 +63,7 @@ EXAMPLES = {
     "cite": ["", "track_cfar", "track_cfar/fig05 --latex", "dp_tbd --bibtex"],
     "which": ["report/picture.pdf", "figures/track_cfar/fig05.csv"],
     "list": ["", "track_cfar"],
+    "new": ["square_law"],
     "doctor": [""],
 }
 

@@ -9,7 +9,7 @@ import textwrap
 from functools import partial
 from pathlib import Path
 
-from tbdcore.repro import batch, cite, claims, pages, paths, products, trials
+from tbdcore.repro import batch, cite, claims, new, pages, paths, products, trials
 from tbdcore.repro.cli import ENVIRONMENT, FAILED, GOOD, INTERRUPTED, CheckFailed, report
 
 
@@ -217,6 +217,13 @@ def list_command(arguments):
     print("\nfigures and tables")
     made = _captions([paper]) if cite.ids(paper) else f"none in {paths.figures()}\n"
     print(textwrap.indent(made, "  "), end="")
+    return GOOD
+
+
+def new_command(arguments):
+    """Write the files of a chapter to begin with."""
+    for path in new.create(arguments.key):
+        print(path.relative_to(paths.ROOT).as_posix())
     return GOOD
 
 

@@ -4,7 +4,9 @@ import json
 import re
 import shutil
 import subprocess
+import tarfile
 import tomllib
+import zipfile
 
 import pandas as pd
 import pytest
@@ -516,6 +518,30 @@ def test_a_folder_in_another_clone_is_no_clone(cloned, capsys, monkeypatch):
 def test_the_variables_of_a_git_hook_lead_nowhere_else(cloned, capsys, monkeypatch):
     monkeypatch.setenv("GIT_DIR", str(cloned / "elsewhere"))
     assert ours(capsys)[0] == []
+
+
+def test_a_wheel_names_the_address_of_the_clone(cloned):
+    for name in ("README.md", "LICENSE", "LICENSE-TEXT"):
+        shutil.copy(tiny.ROOT / name, cloned / name)
+    tiny.copy_package(cloned)
+    (cloned / "tests" / "kernels").mkdir(parents=True)
+    before = (cloned / "pyproject.toml").read_bytes()
+    (wheel, source), known = clone.build(cloned / "build" / "dist")
+    with zipfile.ZipFile(wheel) as packed:
+        (about,) = [name for name in packed.namelist() if name.endswith("METADATA")]
+        assert "Project-URL: Source, https://example.org/a/b_c" in packed.read(about).decode()
+    with tarfile.open(source) as packed:
+        (about,) = [name for name in packed.getnames() if name.endswith("CITATION.cff")]
+        text = packed.extractfile(about).read().decode()
+    assert 'repository-code: "https://example.org/a/b_c"' in text
+    assert f'commit: "{known.commit}"' in text
+    assert (cloned / "pyproject.toml").read_bytes() == before
+
+
+def test_without_an_address_nothing_is_added():
+    text = paths.CITATION.read_text(encoding="utf-8")
+    assert clone.citation(text, clone.Clone()) == text
+    assert clone.project("[project]\n", clone.Clone(commit="0123abc")) == "[project]\n"
 
 
 def test_what_is_committed_does_not_depend_on_the_clone(cloned):

@@ -54,3 +54,10 @@ def test_one_sentence_names_the_rows_that_all_seeds_together_change(folder, toge
     (folder / "data" / "seeds.csv").write_text(f"{SEEDS}tiny,order,10,9,1,0,0,{together}\n")
     assert cli.main(["score"]) == 0
     assert paths.README.read_text().splitlines()[-2:] == [said, "<!-- /scorecard -->"]
+
+
+def test_the_papers_own_figures_and_tables_come_first_in_their_order(folder):
+    names = ["fig1", "fig2", "fig10", "table1", "table2", "advice", "beyond_gain", "open_births"]
+    for name in reversed(names):
+        (folder / "figures" / "tiny" / f"{name}.json").write_text("{}")
+    assert cite.ids("tiny") == [f"tiny/{name}" for name in names]

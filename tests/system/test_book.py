@@ -59,10 +59,11 @@ BROKEN = r"""() => {
   };
   for (let node; (node = walk.nextNode()); ) {
     if (node.parentElement.closest("pre, mjx-container, script, .dt-container")) continue;
-    const room = node.parentElement.closest("td, th, p, li, h1, h2, h3, figcaption, div").clientWidth;
+    const box = node.parentElement.closest("td, th, p, li, h1, h2, h3, figcaption, div");
     for (const part of node.data.matchAll(/\S+/g)) {
       const whole = boxes(node, part.index, part[0]);
-      if (whole.length < 2 || whole.reduce((sum, box) => sum + box.width, 0) > 0.9 * room) continue;
+      const width = whole.reduce((sum, each) => sum + each.width, 0);
+      if (whole.length < 2 || width > 0.9 * box.clientWidth) continue;
       for (const word of part[0].matchAll(/[\p{Script=Latin}\d_]{4,}/gu)) {
         const own = boxes(node, part.index + word.index, word[0]);
         if (new Set(own.map(box => Math.round(box.top))).size > 1) found.push(word[0]);
