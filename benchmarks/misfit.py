@@ -1,16 +1,18 @@
-"""What is noticed in frames that are not what a filter is told, and what it does to false alarms.
+"""What is noticed in data that are not what a chapter is told, and what it does to false alarms.
 
 ``.venv/bin/python -m benchmarks.misfit [RUNS]`` prints, for 200 runs or RUNS,
 
-* in what share of recordings each condition gives a ``Misfit`` warning, for normal frames as
-  chapters 01 (11 x 50 x 50) and 02 (60 x 30 x 20) take them and for power as chapter 03 does
-  (60 x 64 x 48);
+* in what share of recordings each condition is noticed, by a ``Misfit`` warning or a refusal:
+  frames as chapters 01 (normal, 11 x 50 x 50), 02 (normal, 60 x 30 x 20) and 03 (power,
+  60 x 64 x 48) take them, and scans of plots as chapters 04 and 05 do;
 * what a condition of some size does to the false alarms of chapter 01 (``tonissen``, 5 % per block)
   and to the share of empty frames that chapters 02 and 03 declare: the tolerances are where these
   double;
-* what thresholds from 200 blocks of a recording deliver at a nominal 5 %, over 40 recordings.
+* what thresholds from a recording deliver: of 01 from 200 blocks at a nominal 5 %, of 03 from 1,000
+  frames at a nominal 5 false declarations per 1,000 frames; 40 recordings each.
 
-It takes some minutes and is no test.
+It takes some minutes and is no test.  ``.venv/bin/python -m benchmarks.misfit 200 matrix`` prints
+one part: matrix, plots, doubling, delivered or frames.
 """
 
 import sys
@@ -20,7 +22,7 @@ import numpy as np
 from scipy import stats
 
 import tbdcore
-from tbdcore import misfit, noise, recording
+from tbdcore import misfit, motion, noise, recording
 
 SHAPES = {
     "01": ("gaussian", (11, 50, 50)),
@@ -83,27 +85,134 @@ CONDITIONS = {
 }
 
 
-def noticed(make, law, shape, runs):
-    """Share of runs with a warning, and the condition that is named most often."""
-    named = []
+def noticed(run, runs):
+    """Share of runs that warn or refuse, and the words of the most frequent one."""
+    said = []
     for i in range(runs):
-        frames = make(law, shape, np.random.default_rng([i, 43]))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", misfit.Misfit)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", misfit.Misfit)
             try:
-                named += misfit.warn_misfit(frames, law).exceeded()[:1]
+                run(np.random.default_rng([i, 43]))
             except ValueError:
-                named.append("refused")
-    most = max(set(named), key=named.count) if named else ""
-    return len(named) / runs, most
+                said.append("refused")
+        said += [words(str(w.message)) for w in caught if w.category is misfit.Misfit]
+    most = max(set(said), key=said.count) if said else ""
+    return len(said) / runs, most
+
+
+def words(line):
+    """What a warning names first."""
+    return line.removeprefix("frames: ").partition(" of the noise")[0][:40]
 
 
 def matrix(runs):
-    """The table condition x chapter."""
+    """The table condition x chapter, of frames."""
     print(f"{'noticed in a share of runs':<28}" + "".join(f"{name:<24}" for name in SHAPES))
     for name, make in CONDITIONS.items():
-        found = [noticed(make, law, shape, runs) for law, shape in SHAPES.values()]
-        print(f"{name:<28}" + "".join(f"{share:<7.3f}{most:<17}" for share, most in found))
+        found = [
+            noticed(lambda rng, at=at, make=make: misfit.warn_misfit(make(*at, rng), at[0]), runs)
+            for at in SHAPES.values()
+        ]
+        print(
+            f"{name:<28}" + "".join(f"{share:<7.3f}{most:<17}" for share, most in found), flush=True
+        )
+
+
+# Scans of plots
+
+ACCURACY = (10.0, 0.002)  # m, rad
+
+
+def scans_of_one(rng, decibels=0.0, nu=None, error=1.0):
+    """Chapter 04: 40 scans of a fading target in 1,000 cells, plots above a strength of 3."""
+    k = np.arange(40)
+    truth = np.c_[20e3 - 400.0 * k, 0.5 + 0.002 * k]
+    seen = truth + error * rng.normal(0.0, ACCURACY, truth.shape)
+    power = np.r_[30.0, 30.0, 31.0 * rng.standard_exponential(38)]
+    scans = [np.r_[z, s][None] for z, s in zip(seen, power, strict=True)]
+    for i in range(2, 40):
+        cells = (
+            noise.exponential(1000, rng)
+            if nu is None
+            else noise.k_power((1000, 1, 1), nu, rng).ravel()
+        )
+        cells = cells[cells * 10 ** (decibels / 10) > 3.0] * 10 ** (decibels / 10)
+        place = truth[i] + rng.uniform([-1e3, -0.2], [1e3, 0.2], (len(cells), 2))
+        scans[i] = np.r_[scans[i][scans[i][:, 2] > 3.0], np.c_[place, cells]]
+    return scans
+
+
+def changed(scans, factors=(1.0, 1.0, 1.0), strength=lambda s: s):
+    """Scans with columns times factors, and another strength."""
+    return [np.c_[z[:, :2] * factors[:2], strength(z[:, 2])] for z in scans]
+
+
+def run_04(scans, start=None):
+    """Follow the track."""
+    page = tbdcore.page("track_cfar")
+    p = page.Scenario(scan=4.0, bandwidth=5.0, beamwidth=1.5, sigma_p=1.0)
+    return page.run(scans, p, accuracy=ACCURACY, start=start)
+
+
+LOST = np.array([5e3, 0.0, 15e3, 0.0]), np.diag([1e4, 1e2, 1e4, 1e2])
+OF_04 = {
+    "clean": lambda rng: run_04(scans_of_one(rng)),
+    "level +0.5 dB": lambda rng: run_04(scans_of_one(rng, 0.5)),
+    "level +1 dB": lambda rng: run_04(scans_of_one(rng, 1.0)),
+    "level +3 dB": lambda rng: run_04(scans_of_one(rng, 3.0)),
+    "K, nu = 3": lambda rng: run_04(scans_of_one(rng, nu=3.0)),
+    "K, nu = 1": lambda rng: run_04(scans_of_one(rng, nu=1.0)),
+    "dB for power": lambda rng: run_04(
+        changed(scans_of_one(rng), strength=lambda s: 10 * np.log10(s))
+    ),
+    "amplitude for power": lambda rng: run_04(changed(scans_of_one(rng), strength=np.sqrt)),
+    "kilometres": lambda rng: run_04(changed(scans_of_one(rng), (1e-3, 1.0, 1.0))),
+    "degrees": lambda rng: run_04(changed(scans_of_one(rng), (1.0, 180 / np.pi, 1.0))),
+    "errors three times as told": lambda rng: run_04(scans_of_one(rng, error=3.0)),
+    "no plot ever in a gate": lambda rng: run_04(scans_of_one(rng), LOST),
+}
+
+
+def boats(rng, seen=lambda z: z, clutter=1e-5, told=1e-5, apart=300.0, start=None, error=1.0):
+    """Chapter 05: 60 scans of two boats and clutter, tracked by JIPDA."""
+    page = tbdcore.page("ljipda_ai")
+    x = np.array([[5000.0, 10, 0, 5], [5000.0, 10, apart, -5 * (apart > 0)]])
+    x[1, 3] = 5.0 if apart == 0 else x[1, 3]
+    scans = []
+    for k in range(60):
+        z = x[: 1 if apart == 0 else 2, ::2] + k * x[: 1 if apart == 0 else 2, 1::2]
+        z = z + error * 20.0 * rng.standard_normal(z.shape)
+        box = np.array([[4700.0, -500], [6000, 900]])
+        n = rng.poisson(clutter * np.prod(box[1] - box[0]))
+        scans.append(seen(np.r_[z[rng.random(len(z)) < 0.95], rng.uniform(*box, (n, 2))]))
+    motions = motion.cv(1.0), motion.white_acceleration(1.0, 0.01)
+    x = x if start is None else start
+    setup = page.Setup(x, np.diag([400.0, 1, 400, 1]), *motions, 20.0, 0.2, 0.95, clutter=told)
+    return page.run(scans, setup, method="JIPDA" if apart else "IPDA")
+
+
+ELSEWHERE = np.array([[9000.0, 10, 9000, 5], [9000.0, 10, 9300, -5]])
+OF_05 = {
+    "clean": boats,
+    'clean, clutter="estimate"': lambda rng: boats(rng, told="estimate"),
+    "kilometres": lambda rng: boats(rng, lambda z: z / 1e3),
+    "[y, x]": lambda rng: boats(rng, lambda z: z[:, ::-1]),
+    "ten times the clutter told": lambda rng: boats(rng, clutter=1e-4),
+    "a tenth of the clutter told": lambda rng: boats(rng, told=1e-4),
+    "a hundredth of the clutter told": lambda rng: boats(rng, told=1e-3),
+    "errors three times as told": lambda rng: boats(rng, error=3.0),
+    "errors a tenth of those told": lambda rng: boats(rng, error=0.1),
+    "no plot ever in a gate": lambda rng: boats(rng, start=ELSEWHERE),
+    "two tracks coincide": lambda rng: boats(rng, apart=0.0),
+}
+
+
+def plots(runs):
+    """The rows of scans of plots."""
+    for chapter, conditions in (("04", OF_04), ("05", OF_05)):
+        for name, run in conditions.items():
+            share, most = noticed(run, runs)
+            print(f"{chapter} {name:<34}{share:<7.3f}{most}", flush=True)
 
 
 def peaks(page, p, blocks):
@@ -230,8 +339,41 @@ def delivered(recordings=40, n=200, trials=400):
         print(f"{mean}, {spread}; within the interval {np.mean(covered):.2f}")
 
 
+BLOCK, PER_THOUSAND = 20, 5
+
+
+def declarations(existence, level):
+    """Blocks of 20 frames with a declaration, per 1,000 frames."""
+    return (largest(existence) > level).sum() * 1000 / len(existence)
+
+
+def largest(existence):
+    """Largest existence in each block of 20 frames."""
+    return recording.blocks(existence[:, None, None], BLOCK).max(axis=(1, 2, 3))
+
+
+def frames(recordings=40, n=1000):
+    """False declarations of chapter 03 per 1,000 frames, with a level from n frames."""
+    page = tbdcore.page("mda_tbd")
+    p = page.scenario(48, 32, 5.0, 0.01, 2000.0, sd_r=1.0, sd_a=1.5, N=3000, B=1000)
+    nominal = PER_THOUSAND * BLOCK / 1000
+    print(f"\n03: false declarations per 1,000 frames, {PER_THOUSAND} set, {recordings} recordings")
+    for name, draw in NOISES.items():
+        at = []
+        for i in range(recordings):
+            rng = np.random.default_rng([i, 46])
+            z = draw((2 * n + BLOCK, 48, 32), rng)
+            z = z + 1.0 if name.startswith("K") else noise.as_power(z)
+            existence = page.recursion(z, p, rng).existence[BLOCK:]
+            level = recording.threshold(largest(existence[:n]), nominal)
+            at.append([declarations(existence[n:], x) for x in (level.value, 0.5)])
+        mean, error = np.mean(at, axis=0), np.std(at, axis=0) / recordings**0.5
+        print(f"{name:<24}{mean[0]:.2f} ± {error[0]:.2f}; at 0.5 {mean[1]:.1f} ± {error[1]:.1f}")
+
+
 if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    matrix(count)
-    doubling(max(count // 4, 20))
-    delivered()
+    parts = {"matrix": lambda: matrix(count), "plots": lambda: plots(count)}
+    parts |= {"doubling": lambda: doubling(max(count // 4, 20)), "delivered": delivered}
+    for name in sys.argv[2:] or [*parts, "frames"]:
+        (parts | {"frames": frames})[name]()

@@ -1,9 +1,9 @@
-"""Whether the verdicts hang on the seed: ``python -m benchmarks.seeds``, hours, restartable.
+"""Whether the verdicts depend on the seed: ``python -m benchmarks.seeds``, hours, restartable.
 
-Every paper is swept over nine seeds at its defaults; with the committed verdicts, those of the
-notebook's own seed, each claim has ten verdicts.  ``data/seeds.csv`` counts them, and has the
-verdict of each number on the trials of all seeds together.  Runs that are done with the same
-sources are not made again, so an interrupted study goes on where it stopped.
+Every paper, or each one that is named, is swept over nine seeds at its defaults; with the committed
+verdicts, those of the notebook's own seed, each claim has ten verdicts.  ``data/seeds.csv`` counts
+them, and has the verdict of each number on the trials of all seeds together.  Runs that are done
+with the same sources are not made again, so an interrupted study goes on where it stopped.
 """
 
 import subprocess
@@ -57,14 +57,26 @@ def together(tables):
     return pd.DataFrame(found, columns=["paper", "claim", "together"])
 
 
+def merged(table, old, papers):
+    """A table of some papers, and the rows of the others from an older one."""
+    kept = old[old["paper"].isin([*pages.papers()]) & ~old["paper"].isin(papers)]
+    every = pd.concat([kept, table], ignore_index=True) if len(kept) else table
+    order = every["paper"].map({paper: place for place, paper in enumerate(pages.papers())})
+    return every.iloc[order.argsort(kind="stable")]
+
+
 def main():
     """Make the study and write the file, with the commit and the command in its first line."""
+    papers = [pages.paper_of(word, pages.papers()) for word in sys.argv[1:]] or pages.papers()
     git = ["git", "-C", str(paths.ROOT), "describe", "--always", "--dirty"]
     commit = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
-    tables = {paper: sweep(paper) for paper in pages.papers()}
+    tables = {paper: sweep(paper) for paper in papers}
     table = counts(tables).merge(together(tables), how="left")
-    head = f"# python -m benchmarks.seeds, at commit {commit}\n"
-    file = scorecard.seeds_file()
+    file, words = paths.SEEDS, " ".join(["python -m benchmarks.seeds", *sys.argv[1:]])
+    before = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    heads = [line for line in before if line.startswith("#") and sys.argv[1:]]
+    head = "".join(f"{line}\n" for line in [*heads, f"# {words}, at commit {commit}"])
+    table = merged(table, scorecard.study(), papers)
     products.write(file.parent, {file.name: head.encode() + products.csv(table)})
 
 

@@ -7,6 +7,7 @@ the place of the old one, which stays when anything fails: one line, exit code 1
 
 import ast
 import html
+import itertools
 import json
 import os
 import re
@@ -15,15 +16,17 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from urllib.parse import urlencode
 
 import pandas as pd
 from itables import javascript, options
 from PIL import Image
 
-from tbdcore.repro import cite, claims, pages, paths, products, scorecard
+import tbdcore
+from tbdcore.repro import cite, claims, clone, front, pages, paths, products, scorecard
 
 FOLDERS = ("benchmarks", "data", "docs", "figures", "notebooks", "tests")
-FILES = ("README.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff")
+FILES = ("README.md", "README.zh.md", "CHANGELOG.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff")
 TITLES = {"data": "Data", "tests": "Tests", "benchmarks": "Benchmarks"}  # of pages without one
 NUMBER = r"[1-7A-G](?:\.\d+)?"
 HEADING = re.compile(rf"^##+ (?:Appendix )?({NUMBER})[. ].*", re.MULTILINE)
@@ -40,6 +43,29 @@ TABLE = {
     "columnDefs": [{"searchPanes": {"show": True}, "targets": FILTERED}],
     **dict.fromkeys(("paging", "ordering", "autoWidth"), False),
 }
+
+# what is chosen in the lists stands in the address: claims.html#paper=mda_tbd&verdict=differs
+FILTERS = """
+const asked = new URLSearchParams(location.hash.slice(1));
+options.layout.top1.searchPanes.preSelect = Object.entries(columns)
+  .filter(([name]) => asked.get(name))
+  .map(([name, column]) => ({ column, rows: asked.get(name).split(",") }));
+const body = document.querySelector("table.claims tbody");
+new ITable(document.querySelector("table.claims"), options);
+document.querySelectorAll("input.dtsp-search").forEach(pane => pane.ariaLabel = pane.placeholder);
+document.getElementById(decodeURI(location.hash.slice(1)))?.scrollIntoView();
+const write = () => {
+  const chosen = [...document.querySelectorAll("div.dtsp-searchPane")].map((pane, i) => {
+    const rows = [...pane.querySelectorAll("tr.selected .dtsp-name")].map(row => row.textContent);
+    return rows.length ? `${Object.keys(columns)[i]}=${rows.join(",")}` : "";
+  });
+  const address = chosen.filter(text => text).join("&");
+  const old = location.hash.includes("=") ? location.pathname : location.href;
+  history.replaceState(null, "", address ? `#${address}` : old);
+};
+new MutationObserver(write).observe(body, { childList: true });
+addEventListener("hashchange", () => location.hash.includes("=") && location.reload());
+"""
 
 
 def complaint():
@@ -125,9 +151,11 @@ def notebook_page(chapter, chapters):
     """The notebook with links, and with anchors before its sections and the cells of claims."""
     names = [*chapter.claims, *(id.partition("/")[2] for id in cite.ids(chapter.paper))]
     wanted, cells = set(map(chapter.find, names)), []
-    for i, cell in enumerate(chapter.notebook["cells"]):
-        mark = {"cell_type": "markdown", "id": f"cell-{i}", "metadata": {}}
-        cells += [mark | {"source": f'<span id="cell-{i}"></span>'}] if i in wanted else []
+    for run in runs(chapter.notebook["cells"]):
+        for i in (i for i, _ in run if i in wanted):
+            mark = {"cell_type": "markdown", "id": f"cell-{i}", "metadata": {}}
+            cells.append(mark | {"source": f'<span id="cell-{i}"></span>'})
+        cell = folded([cell for _, cell in run]) if is_folded(run[0][1]) else run[0][1]
         for data in (output.get("data", {}) for output in cell.get("outputs", [])):
             if text := "".join(data.get("text/markdown", "")):
                 data["text/markdown"] = linked(text, chapters, chapter.paper)
@@ -136,6 +164,38 @@ def notebook_page(chapter, chapters):
             cell["source"] = HEADING.sub(r'<span id="section-\1"></span>\n\n\g<0>', text)
         cells.append(cell)
     return json.dumps(chapter.notebook | {"cells": cells})
+
+
+def is_folded(cell):
+    return "hide-input" in cell["metadata"].get("tags", [])
+
+
+def runs(cells):
+    """Cells with their numbers; neighbours that are folded, and of which only the last shows
+    something, are together.
+    """
+    run = []
+    for i, cell in enumerate(cells):
+        if run and not (is_folded(run[-1][1]) and is_folded(cell) and not run[-1][1]["outputs"]):
+            yield run
+            run = []
+        run.append((i, cell))
+    yield run
+
+
+def folded(cells):
+    """One folded cell of several, with a name that says what is in it."""
+    source = "\n\n".join("".join(cell["source"]).rstrip() for cell in cells)
+    lines = len([line for line in source.splitlines() if line.strip()])
+    made = re.findall(r"portfolio\.(?:save|film|table)\([^\"]*\"(\w+)\"", source)
+    made += re.findall(r"screen\.exhibit\(\s*\"\w+/(\w+)\"", source)
+    made += [f"{name}()" for name in re.findall(r"^def (\w+)", source, re.MULTILINE)]
+    said = f"{', '.join(made[:3])}{' and more' if len(made) > 3 else ''}" or "this step"
+    name = f"Code of {said}, {lines} line{'s' * (lines > 1)}"
+    about = cells[-1]["metadata"]
+    prompts = {"code_prompt_show": name, "code_prompt_hide": name}
+    about["mystnb"] = about.get("mystnb", {}) | prompts
+    return cells[-1] | {"source": source}
 
 
 # Pages made of verdicts and products -----------------------------------------------------------
@@ -153,11 +213,11 @@ def claims_page(chapters):
     ]
     table = pd.DataFrame(rows).to_html(index=False, escape=False, border=0, classes="claims")
     script = javascript.generate_init_offline_itables_html(options.dt_bundle).partition("<div")[0]
+    columns = {name: column for column, name in enumerate(rows[0]) if column in FILTERED}
     start = f"""<script type="module">
 const {{ITable}} = await window.{javascript._itables_underscore_version()};
-new ITable(document.querySelector("table.claims"), {json.dumps(TABLE)});
-document.querySelectorAll("input.dtsp-search").forEach(pane => pane.ariaLabel = pane.placeholder);
-document.getElementById(decodeURI(location.hash.slice(1)))?.scrollIntoView();
+const columns = {json.dumps(columns)}, options = {json.dumps(TABLE)};
+{FILTERS}
 </script>"""
     return f"<div>{table}</div>\n\n{script}\n\n{start}"
 
@@ -187,25 +247,42 @@ def claim_row(chapter, row, figures):
 
 
 def index_page():
-    """The counts of the scorecard."""
+    """The counts of the scorecard, each a link to its claims, and where the book comes from."""
     counts = claims.scorecard(paths.PRODUCTS).set_index("paper").filter(like="measured: ")
     counts = counts.rename(columns=lambda name: name.partition(": ")[2])
     counts.insert(0, "measured", counts.sum(axis=1))
     topics = {paper: about["topic"] for paper, about in cite.papers().items()}
+    counts = counts.loc[[*(paper for paper in topics if paper in counts.index), "all"]].astype(
+        object
+    )
+    for paper, verdict in itertools.product(counts.index, counts.columns):
+        asked = {"paper": paper, "verdict": verdict, "evidence": "measured"}
+        asked = {k: v for k, v in asked.items() if v != "all" and (k, v) != ("verdict", "measured")}
+        if n := counts.loc[paper, verdict]:
+            to = html.escape(f"claims.html#{urlencode(asked)}")
+            counts.loc[paper, verdict] = f'<a href="{to}">{n}</a>'
     titles = {
         paper: f"[{topics[paper]}](notebooks/{pages.path(paper).name})"
         for paper in topics
         if paper in counts.index
     }
-    counts = counts.loc[[*titles, "all"]].rename(index=titles)
-    return products.markdown(counts.rename_axis("paper").reset_index())
+    counts = counts.rename(index=titles).rename_axis("paper").reset_index()
+    return f"{products.markdown(counts)}\n{origin()}\n"
+
+
+def origin():
+    """Version, commit and address of what the book shows, as far as they are known."""
+    known, version = clone.find(), tbdcore.__version__
+    commit = f", commit {known.commit}" if known.commit else ""
+    address = f" of [{known.address}]({known.address})" if known.address else ""
+    return f"Version {version}{commit}{address}."
 
 
 def gallery_page(folder):
     """Thumbnails of all figures with caption and id, paper by paper."""
     lines = []
     for paper in pages.notebooks():
-        lines += [f"## {cite.papers().get(paper, {}).get('topic', 'All papers')}", ""]
+        lines += [f"## {cite.topic(paper)}", ""]
         lines += ["::::{container} thumbs", ""]
         for id in (id for id in cite.ids(paper) if "png" in cite.files(id)):
             small, caption = folder / "thumbs" / f"{id}.png", cite.product(id)["caption"]
@@ -250,6 +327,8 @@ def stage(folder):
         shutil.copytree(paths.ROOT / name, folder / name, ignore=unwanted)
     for name in FILES:
         shutil.copy(paths.ROOT / name, folder / name)
+    cited = clone.citation(paths.CITATION.read_text("utf-8"), clone.find())
+    (folder / paths.CITATION.name).write_text(cited, "utf-8")
     chapters = {paper: Chapter(paper) for paper in pages.notebooks()}
     texts = {f"{name}/README.md": f"# {title}\n\n{{}}" for name, title in TITLES.items()}
     texts = {name: text.format((folder / name).read_text("utf-8")) for name, text in texts.items()}
@@ -261,7 +340,8 @@ def stage(folder):
     made |= {"gallery": gallery_page(folder), "core": core_page()}
     for name, part in made.items():
         page = (folder / "docs" / f"{name}.md").rename(folder / f"{name}.md")
-        texts[f"{name}.md"] = page.read_text("utf-8").replace("<!-- made -->", part)
+        text = front.captions(page.read_text("utf-8"), paths.PRODUCTS)
+        texts[f"{name}.md"] = text.replace("<!-- made -->", part)
     for name, text in texts.items():
         (folder / name).write_text(text, "utf-8")
 

@@ -9,10 +9,12 @@ from pathlib import Path
 
 from docutils.core import publish_doctree
 
+from tbdcore.repro import clone
+
 project = "tbdcore"
 author = "the tbdcore authors"
 copyright = "the tbdcore authors, CC BY 4.0"
-html_title = "Five radar papers, number by number"
+html_title = "Five radar papers"
 
 extensions = ["myst_nb", "sphinx.ext.autodoc"]
 exclude_patterns = ["docs/README.md", "figures/[!R]*", "notebooks/*.md"]
@@ -24,11 +26,14 @@ autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True}
 add_module_names = False
 
+known = clone.find()  # where the book's sources are, if git knows it
 html_theme = "sphinx_book_theme"
 html_theme_options = {
     "navbar_persistent": [],
     "use_download_button": False,
     "use_fullscreen_button": False,
+    "repository_url": known.address,
+    "use_repository_button": bool(known.address),
 }
 html_context = {"default_mode": "light"}
 html_static_path = [

@@ -1,14 +1,8 @@
 """The plain alternative to tracking before detection: one frame at a time, and its scores.
 
-**One frame.**  ``matched_filter`` collects the energy of a target's image around every cell,
-``brightest`` finds the largest value of each frame; without a target these values give a threshold
-(``recording.threshold``).  **M of N.**  ``m_of_n`` declares when M of the last N frames exceed it,
-``m_of_n_probability`` says how often.  **Scores of declarations.**  ``delay``, ``kept_share``,
-``masked_rmse``, ``mean_se``: mean values over trials with their standard errors.
-
-Frames have the shape (K, nx, ny), declarations (..., K) are Boolean.  NaN cells are gaps: they are
-left out of a sum, and a frame of NaN exceeds nothing.  Invalid arguments are a ValueError of one
-line.
+The largest values of frames without a target give a threshold (``recording.threshold``).  Frames
+have the shape (K, nx, ny), declarations (..., K) are Boolean.  NaN cells are gaps: they are left
+out of a sum, and a frame of NaN exceeds nothing.
 """
 
 import math

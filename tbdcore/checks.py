@@ -12,8 +12,9 @@ A public function has the rule of each argument in its annotation, and ``checked
 Rules for arrays take what NumPy makes an array of: lists, DataFrames, any memory order and real
 type.  A word in a shape is any size, the same for all arguments of a call; "N+1" is one more, and a
 leading ``...`` stands for any axes.  Text, complex numbers, masks that hide cells and, unless a
-rule says otherwise, NaN and infinity are refused.  ``number``, ``numbers``, ``integer`` and
-``integers`` apply one rule to one value.
+rule says otherwise, NaN and infinity are refused.  The function gets arrays in C order that it may
+write to, floats and ints.  ``number``, ``numbers``, ``integer`` and ``integers`` apply one rule to
+one value.
 """
 
 import functools
@@ -49,7 +50,6 @@ def checked(function=None, *, inside=None):
     """Apply the rules in the annotations of a function, compiled or not, to its arguments.
 
     Kernels that call it get the compiled function without these checks: ``inside``, if given.
-    A compiled function gets arrays in C order that it may write to.
     """
     if function is None:
         return functools.partial(checked, inside=inside)
@@ -60,28 +60,37 @@ def checked(function=None, *, inside=None):
     found = signature.parameters.values()
     found = [p.replace(annotation=_rule_of(p.annotation)) for p in found]
     rules = [(p.annotation, f"{where}: {p.name}") for p in found]
-    limits = [(n, rule.limit, name) for n, (rule, name) in enumerate(rules) if rule.limited]
-    known = set()  # types and shapes of calls that fit: what is left are the values
+    defaults = [p.default for p in found if p.default is not p.empty]
+    known: dict = {}  # by the types and shapes of calls that fit: what their values still need
 
     @functools.wraps(plain)
     def call(*args, **named):
-        if named or len(args) != len(rules):
-            bound = signature.bind(*args, **named)
+        missing = len(rules) - len(args)
+        if named or not 0 <= missing <= len(defaults):
+            bound = signature.bind(*args, **named)  # a TypeError if that is no call of the function
             bound.apply_defaults()
             args = bound.args
+        elif missing:
+            args = (*args, *defaults[-missing:])
         kinds = tuple(
             [(a.dtype, a.shape) if type(a) is Array and a.flags.carray else type(a) for a in args]
         )
-        if kinds in known:
-            for n, limit, name in limits:
-                limit(name, args[n])
+        needed = known.get(kinds)
+        if needed is None:
+            args, needed = _fitted(rules, args, kinds)
+            if needed is not None:
+                if len(known) > 1000:
+                    known.clear()
+                known[kinds] = needed
             return function(*args)
-        sizes: dict = {}
-        pairs = zip(rules, args, strict=True)
-        fitting = [rule(name, a, sizes, compiled) for (rule, name), a in pairs]
-        if Array not in kinds and all(map(operator.is_, fitting, args)):
-            known.add(kinds) if len(known) < 1000 else known.clear()
-        return function(*fitting)
+        scalars, limits = needed
+        if scalars:
+            args = list(args)
+            for n, rule, name in scalars:
+                args[n] = rule(name, args[n], {})
+        for n, limit, name in limits:
+            limit(name, args[n])
+        return function(*args)
 
     call.__signature__ = signature.replace(parameters=found)  # help shows the rules
     if compiled:
@@ -91,12 +100,33 @@ def checked(function=None, *, inside=None):
     return call
 
 
+def _fitted(rules, args, kinds):
+    """The arguments after all rules, and what a later call of these kinds needs.
+
+    That is (scalars, limits): numbers of another type, whose rules convert them, and the limits of
+    the arguments that fit as they are.  None where an array had to be converted.
+    """
+    sizes: dict = {}
+    fitting = [rule(name, a, sizes) for (rule, name), a in zip(rules, args, strict=True)]
+    scalars, limits = [], []
+    for n, (rule, name) in enumerate(rules):
+        if fitting[n] is not args[n]:
+            scalars.append((n, rule, name))
+        elif rule.limited:
+            limits.append((n, rule.limit, name))
+    if Array in kinds or not all(
+        isinstance(args[n], int | float | np.generic) for n, *_ in scalars
+    ):
+        return fitting, None
+    return fitting, (scalars, limits)
+
+
 class Rule:
     """What an argument must be, which this one leaves to the function; applied by a call."""
 
     limited, about = False, ""
 
-    def __call__(self, name, value, sizes=None, compiled=None):
+    def __call__(self, name, value, sizes=None):
         return value
 
     def __repr__(self):
@@ -133,13 +163,13 @@ class Numbers(Rule):
         self.low, self.high, self.nan = None if low is None else float(low), float(high), nan
         self.single, self.in_place, self.limited = single, in_place, low is not None
 
-    def __call__(self, name, values, sizes, compiled=None):
+    def __call__(self, name, values, sizes):
         a = values
         if type(a) is not Array or not (
             a.dtype == self.dtype or (self.single or self.in_place) and a.dtype == _SINGLE
         ):
             a = self._converted(name, values)
-        if (compiled or self.in_place) and not a.flags.carray:
+        if not a.flags.carray:
             a = self._in_order(name, a)
         found = a.shape[len(a.shape) - len(self.shape) :] if self.any_axes else a.shape
         if len(found) != len(self.shape) or not self._fits(found, sizes):
@@ -155,7 +185,7 @@ class Numbers(Rule):
 
     def limit(self, name, a):
         """ValueError unless all elements are in [low, high]."""
-        if _outside(a.reshape(-1), self.low, self.high, self.nan):
+        if _outside(a.ravel(), self.low, self.high, self.nan):
             self._refuse(name, a)
 
     def _converted(self, name, values):
@@ -165,9 +195,10 @@ class Numbers(Rule):
         a = array(name, values)
         if a.size and a.dtype.kind not in self.kinds:
             raise ValueError(f"{name}: values of type {a.dtype}; give {self.wanted}")
-        keep = a.dtype == _SINGLE and self.single
+        if a.dtype == self.dtype or self.single and a.dtype == _SINGLE:
+            return a
         with np.errstate(over="ignore"):  # of a wider type: infinity, which is refused
-            converted = a.astype(_SINGLE if keep else self.dtype, copy=False)
+            converted = a.astype(self.dtype)
         if a.dtype.kind == "u" and (converted != a).any():
             raise ValueError(f"{name}: an integer above 2**63; give smaller ones")
         return converted
@@ -219,7 +250,7 @@ class Number(Rule):
         self.low, self.high = low, high
         self.about = ", ".join(_limits_of(low, high))
 
-    def __call__(self, name, value, sizes=None, compiled=None):
+    def __call__(self, name, value, sizes=None):
         x = value
         if type(x) is not float and isinstance(x, np.generic) or type(x) is Array and not x.ndim:
             x = x.item()  # float32 has other limits
@@ -247,7 +278,7 @@ class Integer(Number):
     def __init__(self, low, high=2**63 - 1):
         super().__init__(low, high)
 
-    def __call__(self, name, value, sizes=None, compiled=None):
+    def __call__(self, name, value, sizes=None):
         try:
             n = operator.index(value)
         except TypeError:
@@ -263,7 +294,7 @@ class Integer(Number):
 class Flag(Rule):
     """Rule: True or False."""
 
-    def __call__(self, name, value, sizes=None, compiled=None):
+    def __call__(self, name, value, sizes=None):
         if not isinstance(value, (bool, np.bool_)):
             raise ValueError(f"{name}: {_short(value)} is neither True nor False")
         return bool(value)
@@ -275,7 +306,7 @@ class Random(Rule):
     def __init__(self, optional=False):
         self.optional = optional
 
-    def __call__(self, name, value, sizes=None, compiled=None):
+    def __call__(self, name, value, sizes=None):
         if not (isinstance(value, np.random.Generator) or self.optional and value is None):
             raise ValueError(f"{name}: {_short(value)}; give a numpy.random.Generator")
         return value

@@ -40,7 +40,7 @@ from tbdcore.jit import kernel
 __all__ = ["Maps", "Transition", "box_transition", "coupled_transition", "forward", "margin"]
 __all__ += ["path", "penalised_transition", "weighted_transition"]
 
-PIECE = 3840  # bytes of a plane that are treated together: they stay in the first-level cache
+PIECE = 1920  # bytes of a plane that are treated together: they stay in the first-level cache
 FAR = 1 << 40  # first row of an empty range, and minus its end
 
 Array = np.ndarray
@@ -61,9 +61,24 @@ def margin(frames: Block, width: Width) -> Array:
     if frames.size == 0:
         raise ValueError(f"margin: frames: shape {frames.shape}; give at least one cell")
     K, Nx, Ny = frames.shape
-    framed = np.full((K, Nx + 2 * width, Ny + 2 * width), -np.inf, frames.dtype)
-    framed[:, width : width + Nx, width : width + Ny] = frames
+    framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
+    _frame(framed, frames, width)
     return framed
+
+
+@kernel
+def _frame(framed, frames, width):
+    """The loop of :func:`margin`."""
+    K, Nx, Ny = frames.shape
+    for k in range(K):
+        for i in range(framed.shape[1]):
+            row = framed[k, i]
+            for j in range(row.size):
+                row[j] = -np.inf
+        for i in range(Nx):
+            row, cells = framed[k, width + i, width:], frames[k, i]
+            for j in range(Ny):
+                row[j] = cells[j]
 
 
 # Transitions: which states precede a state, and what each way costs
@@ -132,10 +147,9 @@ def weighted_transition(
     The reading Delta_i = |m| of eq. (10) is position = velocity = (a, 1, a).
     """
     _middle("weighted_transition", position, velocity)
-    weights = np.stack((position, velocity))
-    p, v = np.where(weights > 0, weights, np.nan)
-    rows = np.stack((v, v, v))
-    return _transition("weighted_transition", weights, p, rows, velocities, width)
+    rows = np.array([position, velocity, velocity, velocity])
+    kept = np.where(rows > 0, rows, np.nan)
+    return _transition("weighted_transition", rows[:2], kept[0], kept[1:], velocities, width)
 
 
 @checked
@@ -149,7 +163,7 @@ def coupled_transition(table: Table, velocities: Pair, width: Width) -> Transiti
     if not (table > 0).all():
         raise ValueError("coupled_transition: table: all nine weights must be positive")
     ones = np.ones_like(table[0])
-    return _transition("coupled_transition", _in_order(table), ones, table, velocities, width)
+    return _transition("coupled_transition", table, ones, table, velocities, width)
 
 
 @checked
@@ -162,14 +176,8 @@ def penalised_transition(
     lambda |m| + lambda |r| is a log-prior of the path, so the maximum is Viterbi's.
     """
     _middle("penalised_transition", position, velocity, left_out=np.inf)
-    prices = np.stack((position, velocity))
-    rows = np.stack((velocity, velocity, velocity))
-    return _transition("penalised_transition", prices, position, rows, velocities, width, True)
-
-
-def _in_order(a, dtype=None):
-    """The array in C order, to be written to: a compiled function is made for one kind only."""
-    return a if a.flags.carray and dtype in (None, a.dtype) else np.array(a, dtype, order="C")
+    rows = np.array([position, velocity, velocity, velocity])
+    return _transition("penalised_transition", rows[:2], rows[0], rows[1:], velocities, width, True)
 
 
 def _known(transition):
@@ -259,18 +267,20 @@ def forward(z: Frames, transition: Transition, maps: Maps | None = None) -> Maps
     z : (K, X, Y) frames in their margin; a cell of -inf cannot be passed, NaN is a ValueError
     maps : of other frames by the same transition, to be updated in place; None: new ones
     """
-    z = _in_order(z)
     width, lowest, highest, prices = _known(transition).setting[:4]
-    weights = _in_order(transition.weights, z.dtype)
+    weights = transition.weights.astype(z.dtype, copy=False)
     if maps is None:
-        maps = _empty_maps(z, width, highest - lowest + 1, transition.setting)
+        maps = _new_maps(z, width, highest - lowest + 1, transition.setting)
+        rows = np.full((len(z), 2), (0, z.shape[1]))
     elif not isinstance(maps, Maps):
         raise ValueError("forward: maps: give None, or the result of a forward pass")
     elif maps.frames.shape != z.shape or maps.frames.dtype != z.dtype:
         raise ValueError("forward: maps: of another size or type; give None")
     elif maps.setting is not transition.setting and maps.setting != transition.setting:
         raise ValueError("forward: maps: of another transition; give None")
-    rows = _changed_rows(z, maps.frames, width)
+    else:
+        rows = _changed_rows(z, maps.frames)
+    _take_rows(maps.frames, z, rows, width)
     if len(weights) == 1:
         _box_forward(maps.values, z, rows, width, lowest, weights[0])
     else:
@@ -278,21 +288,29 @@ def forward(z: Frames, transition: Transition, maps: Maps | None = None) -> Maps
     return maps
 
 
-def _empty_maps(z, width, V, setting):
-    """Maps that belong to no frames: their margin is -inf, everything else has to be computed."""
+def _new_maps(z, width, V, setting):
+    """Maps whose values and frames are still to be written, but for the -inf of the margin."""
     K, X, Y = z.shape
     if K == 0 or min(X, Y) <= 2 * width:
         raise ValueError(f"forward: z: shape {z.shape} leaves no cell in a margin of {width}")
-    maps = Maps(np.empty((K, V, V, X, Y), z.dtype), np.full_like(z, np.nan), setting)
-    planes = maps.values.reshape(K * V * V, X * Y)
-    planes[:, : width * Y] = -np.inf
-    planes[:, (X - width) * Y :] = -np.inf
-    return maps
+    values = np.empty((K, V, V, X, Y), z.dtype)
+    _close_planes(values.reshape(K * V * V, X * Y), width * Y)
+    return Maps(values, np.empty_like(z), setting)
 
 
 @kernel
-def _changed_rows(z, old, width):
-    """Rows (K, 2), first and end, in which frames z differ from old ones, which they replace."""
+def _close_planes(planes, n):
+    """Set the first and the last n values of each plane to -inf."""
+    for p in range(len(planes)):
+        for x in range(n):
+            planes[p, x] = -np.inf
+        for x in range(planes.shape[1] - n, planes.shape[1]):
+            planes[p, np.uint64(x)] = -np.inf  # unsigned: no test for indices below 0
+
+
+@kernel
+def _changed_rows(z, old):
+    """Rows (K, 2), first and end, in which frames z differ from old ones."""
     K, X, Y = z.shape
     rows = np.empty((K, 2), np.int64)
     for k in range(K):
@@ -303,27 +321,31 @@ def _changed_rows(z, old, width):
             for j in range(Y):
                 differ += new[j] != before[j]
             if differ > 0:
-                _check_row(new, Y if i < width or i >= X - width else width)
                 rows[k, 0] = min(rows[k, 0], i)
                 rows[k, 1] = i + 1
-    for k in range(K):
-        for i in range(rows[k, 0], rows[k, 1]):
-            old[k, i] = z[k, i]
     return rows
 
 
 @kernel
-def _check_row(row, width):
-    """ValueError if a row has NaN, inf, or not -inf in its margin."""
-    finite = lowest = margin = 0
-    for j in range(row.size):
-        finite += row[j] - row[j] == 0
-        lowest += row[j] == -np.inf
-    for j in range(width):
-        margin += row[j] == -np.inf
-        margin += row[row.size - 1 - j] == -np.inf
-    if finite + lowest < row.size or margin < 2 * width:
-        raise ValueError("z: NaN, inf, or no margin of -inf; use margin(frames, width)")
+def _take_rows(frames, z, rows, width):
+    """Copy these rows of z to frames; ValueError if one has NaN, inf, or not -inf in its margin."""
+    K, X, Y = z.shape
+    for k in range(K):
+        for i in range(rows[k, 0], rows[k, 1]):
+            row = z[k, i]
+            edge = width if width <= i < X - width else Y  # cells of the margin from either end
+            wrong = 0
+            for j in range(Y):
+                wrong += not row[j] < np.inf
+            for j in range(edge):
+                wrong += (row[j] != -np.inf) | (row[Y - 1 - j] != -np.inf)
+            if wrong > 0:
+                raise ValueError("z: NaN, inf, or no margin of -inf; use margin(frames, width)")
+    for k in range(K):
+        for i in range(rows[k, 0], rows[k, 1]):
+            old, new = frames[k, i], z[k, i]
+            for j in range(Y):
+                old[j] = new[j]
 
 
 @kernel
@@ -638,14 +660,15 @@ def path(I: Values, state: Sequence[int], transition: Transition) -> Array:
     Returns states of the same form, (K, 4) of int; four times -1 from where no predecessor can be
     reached.
     """
+    K, V, _, X, Y = I.shape
     try:
-        state = tuple(map(operator.index, state))
-    except TypeError:
-        state = ()
-    shape = I.shape[1:] if len(I) else (0, 0, 0, 0)
-    if len(state) != 4 or not all(0 <= i < n for i, n in zip(state, shape, strict=False)):
+        iv, jv, i, j = map(operator.index, state)
+        valid = K > 0 and 0 <= iv < V and 0 <= jv < V and 0 <= i < X and 0 <= j < Y
+    except (TypeError, ValueError):  # no integers, or not four of them
+        valid = False
+    if not valid:
         raise ValueError(f"path: state: give four indices (iv, jv, i, j) into maps {I.shape}")
     _, lowest, _, prices = _known(transition).setting[:4]
-    position = _in_order(transition.position, I.dtype)
-    velocity = _in_order(transition.velocity, I.dtype)
-    return _path(_in_order(I), state, position, velocity, lowest, prices)
+    position = transition.position.astype(I.dtype, copy=False)
+    velocity = transition.velocity.astype(I.dtype, copy=False)
+    return _path(I, (iv, jv, i, j), position, velocity, lowest, prices)

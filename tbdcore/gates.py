@@ -1,8 +1,7 @@
-"""Do plots agree with what a tracker is told?  ``look`` counts, ``contradiction`` says it.
+"""Do plots agree with what a tracker is told: start states, errors, a density of clutter?
 
-A tracker of plots is told start states, errors, and often a density of clutter.  The gates of its
-tracks show whether they fit: ``look`` keeps the numbers of one scan, and ``contradiction`` names,
-in one line, what exceeds its tolerance with 99 % certainty.
+``look`` keeps what the gates of one scan hold, and ``contradiction`` names, in one line, what
+exceeds its tolerance with 99 % certainty.
 """
 
 import math
@@ -34,26 +33,17 @@ READINGS = {  # of plots z and start states x
 
 
 class Seen(NamedTuple):
-    """What the gates of one scan hold.
+    """What the gates of one scan hold."""
 
-    z : (M, 2) plots of the scan in m
-    gated : plots in at least one gate
-    expected, spread : detections expected there, and their variance
-    area, largest : area of all gates and of the largest in m^2
-    claims : sum of the weights of plots over the tracks
-    along, across : the same of weights times squared distances from the predictions, along the line
-        of sight and across it, each over its variance
-    """
-
-    z: Any
-    gated: int
-    expected: float
-    spread: float
-    area: float
-    largest: float
-    claims: float
-    along: float
-    across: float
+    z: Any  # (M, 2) plots of the scan in m
+    gated: int  # plots in at least one gate
+    expected: float  # detections expected there
+    spread: float  # their variance
+    area: float  # of all gates in m^2
+    largest: float  # area of the largest gate
+    claims: float  # sum of the weights of plots over the tracks
+    along: float  # the same times squared distance from the prediction, along the line of sight
+    across: float  # and across it, each over its variance
 
 
 def look(z, gated, zhat, S, beta, expected, gamma):

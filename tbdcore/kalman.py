@@ -48,7 +48,7 @@ class Covariance(Numbers):
 
     def limit(self, name, a):
         super().limit(name, a)
-        if (np.diagonal(a, axis1=-2, axis2=-1) < 0).any():
+        if not (a.diagonal(0, -2, -1) >= 0).all():
             raise ValueError(f"{name}: a variance is negative; correct it")
 
 

@@ -1,10 +1,9 @@
 """Do frames agree with what a filter is told?  ``fit`` measures it, ``warn_misfit`` says it.
 
-The noise that chapters 01 and 02 are told is white and normal with a known mean and standard
-deviation ("gaussian"), that of chapter 03 is white and exponential with a known mean
+Chapters 01 and 02 are told white normal noise ("gaussian"), chapter 03 white exponential noise
 ("exponential").  Places that may be targets are left out: the brightest place of each window and
 all cells that the law itself would hardly show, with five cells around them.  So a target of up to
-20 dB is no misfit.  NaN cells and frames, or None in a list of frames, are left out as well.
+20 dB is no misfit.  Gaps are left out as well.
 """
 
 import math
@@ -272,8 +271,7 @@ def warn_misfit(
 ) -> Fit:
     """One :class:`Misfit` warning of one line if :func:`fit` finds a tolerance exceeded.
 
-    With fewer than 1,000 cells of noise nothing is said.  The arguments are those of ``fit``;
-    ``stacklevel`` as in ``warnings.warn``: 2 names the line that calls this function.
+    With fewer than 1,000 cells of noise nothing is said; ``stacklevel`` as in ``warnings.warn``.
     """
     found = fit(frames, law, mean, std)
     if names := found.exceeded():

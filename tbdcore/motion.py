@@ -116,8 +116,9 @@ def box_states(
     omegas : (2, 2) intervals of the turn rate, chosen in proportion to their lengths
     """
     S, both = np.empty((u.shape[1], 5)), _check_intervals(omegas)
-    if not np.isfinite(low).all() or not np.isfinite(width).all():
-        raise ValueError("motion.box_states: low or width is NaN or infinite; give a finite box")
+    for d in range(4):
+        if not abs(low[d]) + abs(width[d]) < np.inf:
+            raise ValueError("motion.box_states: low or width is NaN or infinite; give a box")
     for n in range(len(S)):
         for d in range(4):
             S[n, d] = low[d] + width[d] * u[d, n]

@@ -1,15 +1,7 @@
 """Laws of noise and clutter: frames without a target, and what makes them differ from white noise.
 
-**Laws.**  ``gaussian`` (mean 0, variance 1), ``exponential`` and ``k_power`` (power of mean 1)
-draw frames of independent cells.  **Correlation.**  ``correlated`` gives standard normal
-frames whose neighbours are not independent; ``as_power`` turns them into power of mean 1
-with the same neighbours.  **Faults.**  ``louder`` changes the level, ``sloped`` lets it vary
-across the frame, ``with_gaps`` takes frames away.
-
-Frames have the shape (K, nx, ny): K frames, then the two axes of a frame.  A list of frames will
-do, and None in it is a missing frame.  A gap is NaN, a cell or a whole frame: functions that take
-frames keep it, functions that draw frames make none.  Other invalid values are a ValueError of one
-line.
+Frames have the shape (K, nx, ny); a list of frames will do, and None in it is a missing frame.  A
+gap is NaN, a cell or a whole frame: functions that take frames keep it.
 """
 
 import math
@@ -34,7 +26,7 @@ class FramesRule:
     limited, stack = True, Numbers("K", "nx", "ny", nan=True, single=True)
     limit = stack.limit
 
-    def __call__(self, name, values, sizes, compiled=None):
+    def __call__(self, name, values, sizes):
         if isinstance(values, (list, tuple)) and any(frame is None for frame in values):
             shapes = {np.shape(frame) for frame in values if frame is not None}
             if not shapes:
@@ -51,12 +43,11 @@ class LawRule:
 
     limited = True
 
-    def __call__(self, name, value, sizes, compiled=None):
+    def __call__(self, name, value, sizes):
         self.limit(name, value)
         return value
 
     def limit(self, name, value):
-        """ValueError unless the value is a name in LAWS."""
         if not isinstance(value, str) or value not in LAWS:
             raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(LAWS)}")
 
@@ -66,7 +57,7 @@ class ShapeRule:
 
     limited = False
 
-    def __call__(self, name, value, sizes, compiled=None):
+    def __call__(self, name, value, sizes):
         value = value if isinstance(value, (tuple, list)) else (value,)
         return tuple(Integer(1, 2**40)(name, n) for n in value)
 

@@ -6,10 +6,8 @@
     peaks = [statistic(block) for block in recording.blocks(z, 11)]
     V_T = recording.threshold(peaks, 0.05).value
 
-``frames`` has the shape (K, nx, ny): K frames in their order of time, then the axes of a frame; a
-list of frames will do, in which None is a missing frame.  **A gap is NaN**, a cell or a frame:
-estimates leave it out, and what returns frames returns NaN there.  Infinite values, text, complex
-samples and masks that hide cells are a ValueError of one line, as all invalid arguments are.
+``frames`` (K, nx, ny) are in their order of time; a list will do, in which None is a missing frame.
+**A gap is NaN**, a cell or a frame: estimates leave it out, and frames that are returned keep it.
 
 The law of the noise is ``"gaussian"`` (values around a mean, chapters 01 and 02) or
 ``"exponential"`` (power, chapter 03); any other law is turned into one of these two by
@@ -28,9 +26,9 @@ from scipy.special import betaincinv, ndtri
 from tbdcore.checks import Array, Flag, Integer, Number, Numbers, checked, numbers
 from tbdcore.noise import Frames, Generator, Law
 
-__all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law"]
-__all__ += ["inject", "level", "log_ratio", "merge_plots", "normal_scores"]
-__all__ += ["normalise", "plots", "threshold"]
+__all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law", "inject"]
+__all__ += ["log_ratio", "merge_plots", "normal_scores", "normalise", "plots"]
+__all__ += ["starts", "threshold"]
 
 LN2, SMALL, ROUNDS = math.log(2.0), 1e-300, 8
 CLIP = {"gaussian": 3.0, "exponential": 5.0}  # standard deviations, mean powers
@@ -53,21 +51,12 @@ class Level(NamedTuple):
 
 
 @checked
-def level(frames: Frames, law: Law = "gaussian") -> Level:
-    """Level of the noise of a whole recording, from its median; up to a third may be targets.
-
-    gaussian:     median, and median absolute deviation / 0.6745 (Huber and Ronchetti 2009, 5.1)
-    exponential:  mean and standard deviation are median / ln 2
-    """
-    return Level(*(float(a) for a in _medians(frames, law, None)))
-
-
-@checked
 def background(frames: Frames, law: Law = "gaussian") -> Level:
-    """Level of each cell over time, (nx, ny): what stands still, as the medians of :func:`level`.
+    """Level of each cell over time, (nx, ny): what stands still, by medians; ten frames or more.
 
-    A target that stays in a cell for a third of the recording becomes background.  NaN where a cell
-    has no value; ten frames are the least.
+    "gaussian": median, and median absolute deviation / 0.6745 (Huber and Ronchetti 2009, 5.1);
+    "exponential": both are median / ln 2.  A target that stays in a cell for a third of the
+    recording becomes background.  NaN where a cell has no value.
     """
     if len(frames) < 10:
         raise ValueError(f"recording.background: frames: {len(frames)} of them; give at least 10")
@@ -155,10 +144,9 @@ def normalise(frames: Frames, at: Level, law: Law = "gaussian") -> Array:
 
 
 class TailedLaw(NamedTuple):
-    """A law measured from noise; ``sf``, ``cdf`` and ``logpdf`` as of a SciPy distribution.
+    """A law measured from noise: its quantiles x (n,) at probabilities p, and Pareto tails.
 
-    x, p : (n,) quantiles of the noise and their probabilities, interpolated without overshoot
-    low, high : (shape, scale) of the generalised Pareto tails below x[0] and above x[-1]
+    low, high : (shape, scale) of the generalised Pareto laws below x[0] and above x[-1]
     """
 
     x: Array
@@ -168,45 +156,36 @@ class TailedLaw(NamedTuple):
 
     def sf(self, z):
         """Probability of a value above z."""
-        return self._laws(z)[0]
+        return self._survival_and_density(z)[0]
 
     def cdf(self, z):
         """Probability of a value of at most z."""
-        return 1 - self._laws(z)[0]
+        return 1 - self.sf(z)
 
     def logpdf(self, z):
         """Logarithm of the density."""
-        return np.log(np.maximum(self._laws(z)[1], SMALL))
+        return np.log(np.maximum(self._survival_and_density(z)[1], SMALL))
 
-    def _laws(self, z):
-        """Survival and density."""
+    def _survival_and_density(self, z):
         from scipy.interpolate import PchipInterpolator
+        from scipy.stats import genpareto
 
         cdf, inside = PchipInterpolator(self.x, self.p), np.clip(z, self.x[0], self.x[-1])
-        below, above = _pareto(self.x[0] - z, *self.low), _pareto(z - self.x[-1], *self.high)
-        low, high = z < self.x[0], z > self.x[-1]
-        p, q = self.p[0], 1 - self.p[-1]
-        survival = np.where(low, 1 - p * below[0], np.where(high, q * above[0], 1 - cdf(inside)))
-        density = np.where(high, q * above[1], cdf.derivative()(inside))
-        return survival, np.where(low, p * below[1], density)
-
-
-def _pareto(excess, shape, scale):
-    """Survival and density of the generalised Pareto law at excess >= 0 (at 0 for less)."""
-    e = np.maximum(excess, 0.0) / scale
-    with np.errstate(divide="ignore"):
-        log = -np.log1p(np.maximum(shape * e, -1.0)) / shape if abs(shape) > 1e-6 else -e
-        return np.exp(log), np.exp(log * (1 + shape)) / scale * (shape * e > -1.0)
+        below, above = (genpareto(shape, 0, scale) for shape, scale in (self.low, self.high))
+        low, high, p, q = z < self.x[0], z > self.x[-1], self.p[0], 1 - self.p[-1]
+        under, over = self.x[0] - z, z - self.x[-1]
+        sf = np.where(high, q * above.sf(over), 1 - cdf(inside))
+        pdf = np.where(high, q * above.pdf(over), cdf.derivative()(inside))
+        return np.where(low, 1 - p * below.sf(under), sf), np.where(low, p * below.pdf(under), pdf)
 
 
 @checked
 def empirical_law(noise: Frames, tail: Annotated[float, Number(0.001, 0.2)] = 0.02) -> TailedLaw:
-    """The law of noise, from cells without a target (any shape of frames); NaN is left out.
+    """The law of noise, from 2,000 or more cells without a target.
 
     The middle is the empirical distribution; the share ``tail`` at each end is a generalised Pareto
-    law (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987); it ends
-    where the values have a clear limit, as power at 0, and is exponential or heavier otherwise.
-    2,000 cells are the least.
+    law (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987), with an
+    end where the values have a clear one, as power at 0, and exponential or heavier otherwise.
     """
     z = np.sort(noise[noise == noise].astype(float))
     if z.size < 2000:
@@ -232,9 +211,8 @@ def _tail(excess):
 def normal_scores(frames: Frames, law: Any) -> Array:
     """Scores that are standard normal if ``law`` is the law of the noise; NaN stays.
 
-    law : has ``cdf`` and ``sf``, as a frozen SciPy distribution or :func:`empirical_law`, or is a
-        function of the values that returns their cumulative probability.  Scores are within
-        +-37, where the probability is 1e-300; a bare function resolves 8 at the upper end.
+    law : has ``cdf`` and ``sf``, as a frozen SciPy distribution or :func:`empirical_law`, or is
+        the function ``cdf``.  Scores are within +-37, of a function below 8.
     """
     cdf = getattr(law, "cdf", law)
     if not callable(cdf):
@@ -308,9 +286,8 @@ def threshold(
 ) -> Threshold:
     """Threshold that a search without a target exceeds with probability ``p_false``.
 
-    peaks : (n,) largest value of each of n >= 30 blocks without a target, or (n, sets), a threshold
-        for each set
-    independent : number of blocks that do not overlap, if ``blocks`` was given a step below K
+    peaks : (n,) largest value of each of n >= 30 blocks without a target, or (n, sets)
+    independent : number of blocks that do not depend on each other, if these are fewer
 
     The threshold is the order statistic r = p_false (n + 1) from above.  On average it delivers
     p_false for any law of the noise (with r below 2 a tenth less, since r is interpolated, and a
@@ -346,9 +323,8 @@ def plots(
 ) -> list:
     """Plots of each frame: a list of (n, 5), place on both axes, strength, accuracy on both axes.
 
-    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz 1966).  NaN
-    cells are not above it.  A frame that is missing, all NaN, gives None: no scan was taken; one in
-    which nothing is above eta gives (0, 5).
+    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz 1966).  A
+    missing frame gives None: no scan was taken.
 
     frames : noise of mean 0 and variance 1, or power of mean 1 ("exponential")
     eta : threshold, in the unit of the frames, above the noise's mean
@@ -376,18 +352,16 @@ def _centroids(frame, above, mean, origin, cell):
     label, n = ndimage.label(above, np.ones((3, 3)))
     if not n:
         return np.empty((0, 5))
-    at, number = np.argwhere(above), np.arange(1, n + 1)
-    z, label = frame[above], label[above]
-    total = partial(ndimage.sum_labels, labels=label, index=number)
-    strength = ndimage.maximum(z, label, number)
+    number = np.arange(1, n + 1)
+    place = np.array(ndimage.center_of_mass(frame - mean, label, number))
+    strength = np.array(ndimage.maximum(frame, label, number))[:, None]
     noise = BOUND / (np.sqrt(2 * strength) if mean else strength)
-    out = np.empty((n, 5))
-    out[:, 2] = strength
-    for axis, i in enumerate(at.T):
-        rows = ndimage.maximum(i, label, number) - ndimage.minimum(i, label, number) + 1
-        out[:, axis] = origin[axis] + cell[axis] * total((z - mean) * i) / total(z - mean)
-        out[:, 3 + axis] = abs(cell[axis]) * np.sqrt(noise**2 + 1 / (12 * rows**3))
-    return out
+    rows = np.array(
+        [[side.stop - side.start for side in box] for box in ndimage.find_objects(label)]
+    )
+    return np.hstack(
+        [origin + cell * place, strength, abs(cell) * np.sqrt(noise**2 + 1 / (12 * rows**3))]
+    )
 
 
 @checked
@@ -398,22 +372,57 @@ def merge_plots(
 ) -> Array:
     """Plots of one extended target made one: rows (m, d) of x, y and any further columns.
 
-    Plots whose places (the first two columns, in one unit) are at most ``distance`` apart, also
-    through others between them, are one (single linkage, Sibson 1973).  Each column of the result
-    is the mean over the group.
+    Plots at most ``distance`` apart, also through others between them, are one (single linkage,
+    Sibson 1973); each column is the mean over the group.
 
     weights : (n,) positive, as the plots' strengths; None: all alike
     """
     from scipy.sparse.csgraph import connected_components
 
-    if scan.shape[1] < 2:
-        raise ValueError(f"recording.merge_plots: scan: shape {scan.shape}; give x, y, ...")
+    place = _places("recording.merge_plots: scan", scan)
     weights = np.ones(len(scan)) if weights is None else weights
     w = numbers("recording.merge_plots: weights", weights, len(scan), low=1e-300)
-    place = scan[:, 0] + 1j * scan[:, 1]
     n, group = connected_components(abs(place[:, None] - place) <= distance, directed=False)
     member = (group == np.arange(n)[:, None]) * w
     return member @ scan / member.sum(axis=1, keepdims=True)
+
+
+def _places(name, scan):
+    """Places (n,) of the plots of a scan as x + iy."""
+    scan = numbers(name, scan, "n", "d")
+    if scan.shape[1] < 2:
+        raise ValueError(f"{name}: shape {scan.shape}; give rows x, y, ...")
+    return scan[:, 0] + 1j * scan[:, 1]
+
+
+@checked
+def starts(
+    scans: Any, t: Annotated[ArrayLike, Numbers(3)], fastest: Positive, sigma: Positive
+) -> tuple[Array, Array]:
+    """Start states (n, 4) of [x, vx, y, vy] and covariances (n, 4, 4), from three scans in a row.
+
+    scans : three arrays of rows x, y, further columns are not read; None was not taken
+    t : their times; the states are those at the last one
+    fastest, sigma : largest speed; standard deviation of a plot's place on each axis
+
+    A start is a plot of the first and one of the last scan with a third one between them, within
+    three standard deviations of constant velocity (two-point differencing, Bar-Shalom, Li and
+    Kirubarajan 2001, 5.5.3).  The units are those of the plots.
+    """
+    before, after = np.diff(t).tolist()
+    if len(scans) != 3 or min(before, after) <= 0:
+        raise ValueError(f"recording.starts: {len(scans)} scans; give three, and t that rises")
+    scans = [np.empty((0, 2)) if scan is None else scan for scan in scans]
+    places = [_places(f"recording.starts: scans[{k}]", scan) for k, scan in enumerate(scans)]
+    (first, middle, last), rate = places, 1 / (before + after)
+    limit = 3 * sigma * math.hypot(1 / before, 1 / after, 1 / before + 1 / after)
+    bend = [(last - m) / after - ((m - first) / before)[:, None] for m in middle]
+    straight = (abs(np.reshape(bend, (middle.size, first.size, last.size))) <= limit).any(axis=0)
+    v = (last - first[:, None]) * rate
+    i, j = np.nonzero(straight & (abs(v) <= fastest))
+    x = np.stack([last[j].real, v[i, j].real, last[j].imag, v[i, j].imag], axis=-1)
+    P = np.kron(np.eye(2), sigma**2 * np.array([[1, rate], [rate, 2 * rate**2]]))
+    return x, np.tile(P, (len(x), 1, 1))
 
 
 # Blur
@@ -440,11 +449,10 @@ def blur_of(
     eta : least value of a place: a cell that is the largest within 2 ``half`` cells
     half : cells on each side of the peak that a moment reads; three times the blur or more
 
-    The images of the places are added; the mean of the sum's outermost cells is its background; and
-    the moments read 3 blurs and a cell to each side.  ``value`` is the width of the image as it is;
-    that of power is the amplitude's over sqrt(2), so ``sd_r``, ``sd_a`` of chapter 03 are sqrt(2)
-    times it.  Places closer to the border than ``half`` cells or with a gap in reach are not used;
-    with fewer than five the result is NaN.
+    The images of the places are added, less the mean of their outermost cells; the moments read 3
+    blurs and a cell to each side.  The width of power is the amplitude's over sqrt(2): ``sd_r``,
+    ``sd_a`` of chapter 03 are sqrt(2) times it.  Places within ``half`` cells of the border or of a
+    gap are not used; with fewer than five the result is NaN.
     """
     from scipy.ndimage import maximum_filter
 
@@ -482,10 +490,9 @@ def _moments(patches):
 def bin_cells(frames: Frames, n: Annotated[int, Integer(1, 1000)], law: Law = "gaussian") -> Array:
     """Frames of cells n times as wide, (K, nx // n, ny // n), for a blur above what a filter takes.
 
-    gaussian:     the sum of n x n cells / n: white noise keeps its variance; the blur is divided by
-                  n, a target's summed amplitude too
-    exponential:  the mean of n x n cells: it keeps mean 1, but is no longer exponential; a few of
-                  these then want :func:`normal_scores`
+    gaussian:     the sum of n x n cells / n: white noise keeps its variance; the blur and a
+                  target's summed amplitude are divided by n
+    exponential:  the mean of n x n cells, no longer exponential: use :func:`normal_scores`
 
     A new cell is NaN if one of its cells is; rows and columns that are left over are dropped.
     """

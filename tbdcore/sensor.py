@@ -190,16 +190,10 @@ def blob_log_ratio(
     """
     if S.shape[1] < 3:
         raise ValueError("blob_log_ratio: S: give (N, d), x in column 0 and y in column 2")
-    z, S, r = _in_order(z, S, r)
     decay = min(1.0 / (blur * blur), 700.0)  # a sharper blob has 1e-38 of its peak beyond its cell
     present, g = _blob_exponents(S, r, *z.shape, blur, decay)
     np.exp(g, out=g)  # NumPy's takes a fifth of the time of a compiled loop's
     return _blob_sums(z, S, present, g, decay, peak, noise)
-
-
-def _in_order(*arrays):
-    """Arrays in C order that can be written to: a compiled function is made for one kind only."""
-    return [a if a.flags.carray else np.array(a, order="C") for a in arrays]
 
 
 # Point target: all of the signal in one cell
@@ -230,7 +224,9 @@ def point_frames(
     shape = noise.shape[1:]
     if amplitude.shape not in ((), (K,)):
         raise ValueError(f"point_frames: amplitude: shape {amplitude.shape}; a number or ({K},)")
-    for k in np.flatnonzero(((cells < 0) | (cells >= shape)).any(axis=1)):
+    inside = (cells >= 0) & (cells < shape)
+    if not inside.all():
+        k = int(inside.all(axis=1).argmin())
         raise ValueError(f"point_frames: cells[{k}] is {cells[k].tolist()}, outside {shape}")
     z = noise.copy()
     z[np.arange(K), cells[:, 0], cells[:, 1]] += amplitude
@@ -496,7 +492,6 @@ def power_log_ratio(
     (and at NaN), where the region of eqs. (22), (23) has no target.
     """
     _check_spread(spread)
-    z, rho, alpha, snr = _in_order(z, rho, alpha, snr)
     nr, na = z.shape
     spread = spread._replace(hr=min(spread.hr, nr), ha=min(spread.ha, na))
     peaks = _peaks(rho, alpha, spread)
@@ -746,7 +741,6 @@ def patch_fit(z: Power, rho: Places, alpha: Places, spread: Spread) -> Array:
     Arguments as in :func:`power_log_ratio`.
     """
     _check_spread(spread)
-    z, rho, alpha = _in_order(z, rho, alpha)
     return _patch_fit(z, rho, alpha, _peaks(rho, alpha, spread), spread)
 
 
@@ -942,7 +936,6 @@ def coherent_log_ratio(
         2; error below 1e-4 at 0.25, 1e-2 at 0.8.
     """
     _check_spread(spread)
-    z, rho, alpha, snr = _in_order(z, rho, alpha, snr)
     amplitude = Spread(0.5 * spread.lr, 0.5 * spread.la, spread.hr, spread.ha)
     peaks = _peaks(rho, alpha, amplitude)
     patch = min(2 * spread.hr + 1, len(z)) * min(2 * spread.ha + 1, z.shape[1])

@@ -23,11 +23,7 @@ BIT_GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 
 
 def save(file: str | os.PathLike, state: Any, rng: np.random.Generator | None = None) -> None:
-    """Write a state, and the generator that goes with it, into one .npz file.
-
-    The file is written beside and then renamed: it is the old one or the new one, never half.
-    What cannot be saved (an object array, a function) is a ValueError; no file is left then.
-    """
+    """Write a state, and the generator that goes with it, into one .npz file, all or nothing."""
     arrays, file = [], Path(file)
     tree = _packed({"state": state, "rng": rng}, "state", arrays)
     head = np.array(json.dumps({"format": FORMAT, "tree": tree}))
@@ -45,8 +41,7 @@ def save(file: str | os.PathLike, state: Any, rng: np.random.Generator | None = 
 def load(file: str | os.PathLike, *modules: Any) -> tuple[Any, np.random.Generator | None]:
     """The (state, generator) of a file; the generator is None if none was saved.
 
-    modules : where the types of the state are defined, as ``tbdcore.page("mda_tbd")``; none is
-        needed for tuples, lists, dicts, arrays and numbers.
+    modules : where the types of the state are defined, as ``tbdcore.page("mda_tbd")``
     """
     try:
         with open(file, "rb") as opened, np.load(opened, allow_pickle=False) as stored:
@@ -55,9 +50,8 @@ def load(file: str | os.PathLike, *modules: Any) -> tuple[Any, np.random.Generat
         if head["format"] != FORMAT:
             raise KeyError
     except (ValueError, KeyError, TypeError, EOFError, AttributeError, zipfile.BadZipFile):
-        raise ValueError(
-            f"{file}: no state saved by tbdcore; give a file that save wrote"
-        ) from None
+        words = "no state saved by tbdcore; give a file that save wrote"
+        raise ValueError(f"{file}: {words}") from None
     types = {name: value for m in modules for name, value in vars(m).items()}
     both = _unpacked(head["tree"], arrays, types)
     return both["state"], both["rng"]
@@ -69,17 +63,14 @@ def _packed(value, where, arrays):
         return {"value": value}
     if isinstance(value, np.ndarray | np.generic):
         if value.dtype.kind not in "biufcUSmM" or isinstance(value, np.ma.MaskedArray):
-            raise ValueError(
-                f"{where}: an array of type {value.dtype} cannot be saved; use numbers"
-            )
+            raise ValueError(f"{where}: an array of type {value.dtype} cannot be saved")
         arrays.append(np.asarray(value))
         return {"array": len(arrays) - 1, "scalar": isinstance(value, np.generic)}
     if isinstance(value, np.random.Generator):
         return {"rng": _packed(value.bit_generator.state, where, arrays)}
     kind, parts = _parts(value, where)
-    return {kind: {str(n): _packed(v, f"{where}.{n}", arrays) for n, v in parts.items()}} | (
-        {"type": type(value).__qualname__} if kind == "record" else {}
-    )
+    named = {"type": type(value).__qualname__} if kind == "record" else {}
+    return named | {kind: {str(n): _packed(v, f"{where}.{n}", arrays) for n, v in parts.items()}}
 
 
 def _parts(value, where):

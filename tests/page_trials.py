@@ -24,9 +24,10 @@ def dp_tbd(seed, i):
     """Cells and energies of the three algorithms, in single precision as in the experiments."""
     page, (truth, noise, _) = tbdcore.page("dp_tbd"), streams("dp_tbd", seed, i)
     p = page.Scenario()
-    cells = page.truth(0.2, page.start(p, truth), p, truth)[1]
+    cells = page.truth(0.2, page.first_state(p, truth), p, truth)[1]
     frames = noise.standard_normal((p.K, *p.grid), dtype=np.float32)
-    tracks = page.run(sensor.point_frames(frames, cells, sensor.point_amplitude(9.0)), p)
+    z = sensor.point_frames(frames, cells, sensor.point_amplitude(9.0))
+    tracks = page.best_tracks(z, p)
     return np.array([t.cells for t in tracks]), np.array([t.value for t in tracks])
 
 

@@ -11,3 +11,11 @@ window.addEventListener("load", async () => {
 const dark = () => document.documentElement.classList.toggle("dark", document.documentElement.dataset.theme === "dark");
 new MutationObserver(dark).observe(document.documentElement, { attributeFilter: ["data-theme"] });
 dark();
+
+// What scrolls inside itself can be scrolled by keyboard.
+const reach = () => document.querySelectorAll("article *").forEach((box) => {
+  const scrolls = box.scrollWidth > box.clientWidth && getComputedStyle(box).overflowX === "auto";
+  if (scrolls && !box.hasAttribute("tabindex")) box.tabIndex = 0;
+});
+window.addEventListener("load", reach);
+window.addEventListener("resize", reach);

@@ -1,7 +1,7 @@
 """The harness around the notebooks: what turns a page into products to check, cite and make again.
 
-``cli`` reads a command, ``commands`` does it, ``batch`` runs notebooks in ``processes``; ``pages``
-finds, reads and executes them.  In a notebook, ``run`` opens and publishes; ``trials`` computes,
+``cli`` reads a command, ``commands`` does it; ``pages`` finds and reads notebooks, ``batch``
+executes them in ``processes``.  In a notebook, ``run`` opens and publishes; ``trials`` computes,
 ``claims`` judges, ``figures`` draws, ``screen`` shows, ``products`` writes.  ``scorecard`` and
 ``cite`` read the products of all, ``doctor`` checks the machine, ``paths`` knows the folders.
 Of the numerical core it imports ``score`` at most.

@@ -1,4 +1,4 @@
-"""Runs: one notebook in a process of its own, or one notebook over a list of values.
+"""Runs of a notebook, each in a process of its own, and the tables of a sweep.
 
 The child process (this module's ``__main__``) has a session of its own.  An interrupt of the parent
 ends the child and everything that it started; the child does the same when its parent has
@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tbdcore.repro import claims, pages, paths, processes, products
+from tbdcore.repro.cli import ENVIRONMENT, FAILED, GOOD
 
-GOOD, FAILED = 0, 1
-QUIET = {  # loky cleans up after killed workers, and says so; the debugger comments on its start
+# loky cleans up after killed workers, and says so; the debugger comments on its start
+QUIET_ENVIRONMENT = {
     "PYTHONWARNINGS": "ignore::UserWarning:loky.backend.resource_tracker",
     "PYDEVD_DISABLE_FILE_VALIDATION": "1",
 }
@@ -61,7 +62,7 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
     try:
         _execute(paper, values, output, debug)
     except RuntimeError as error:
-        fault = {"status": FAILED, "error": str(error), "notebook": str(pages.failed_at(output))}
+        fault = {"status": FAILED, "error": str(error), "notebook": str(_failed_at(output))}
         return result._replace(seconds=round(time.monotonic() - start, 1), **fault)
     result = result._replace(seconds=round(time.monotonic() - start, 1))
     found, summary = counts(paper, folder)
@@ -72,35 +73,20 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
     return result._replace(verdicts=found)
 
 
-def sweep(paper, name, runs, folder, **options):
-    """Run a notebook once for each value of a parameter; yields the Result of each run.
-
-    `runs` is a list of (value, parameters), `options` are those of :func:`run`.  The products of a
-    value go to ``folder/<name>=<value>/``.  ``folder/<name>.csv`` holds the verdicts so far, and
-    ``folder/<name>_shares.csv`` for each claim the share of the values with each verdict.
+def tabulate(paper, name, places, folder):
+    """Write the tables of a sweep: ``<name>.csv`` with every verdict, and ``<name>_shares.csv``
+    with the share of the values that give a claim each verdict; `places` are the folders by value.
     """
     import pandas as pd
 
-    tables = []
-    for value, values in runs:
-        place = folder / f"{name}={value}"
-        output, values = place / pages.path(paper).name, values | {"out": str(place)}
-        options["say"](f"{name} = {value}")
-        result = run(paper, values, output, **options)
-        if result.status == GOOD:
-            table = claims.verdicts(paper, place).rename(columns={"id": "claim"})
-            tables.append(table.assign(value=value))
-            every = pd.concat(tables, ignore_index=True)
-            files = {f"{name}.csv": every[[*TABLE]], f"{name}_shares.csv": shares(every)}
-            products.write(folder, {file: products.csv(frame) for file, frame in files.items()})
-        yield result
-
-
-def shares(table):
-    """For each claim of a sweep's table the number of values and the share with each verdict."""
-    claim = table.groupby(["claim", "evidence"], sort=False)["verdict"]
-    each = {v: claim.agg(lambda found, v=v: (found == v).mean()) for v in claims.VERDICTS}
-    return claim.size().to_frame("values").assign(**each).reset_index()
+    tables = {value: claims.verdicts(paper, place) for value, place in places.items()}
+    every = pd.concat(tables, names=["value", None]).reset_index("value")
+    every = every.rename(columns={"id": "claim"})
+    claim = every.groupby(["claim", "evidence"], sort=False)["verdict"]
+    shares = {v: claim.agg(lambda found, v=v: (found == v).mean()) for v in claims.VERDICTS}
+    shares = claim.size().to_frame("values").assign(**shares).reset_index()
+    files = {f"{name}.csv": every[[*TABLE]].reset_index(drop=True), f"{name}_shares.csv": shares}
+    products.write(folder, {file: products.csv(frame) for file, frame in files.items()})
 
 
 def done(paper, values, folder):
@@ -110,9 +96,7 @@ def done(paper, values, folder):
     wanted |= {"verdicts.csv"} if paper in claims.papers() else set()
     if not made or not wanted <= set(os.listdir(folder / paper)):
         return False
-    now = {"digest": pages.digest(paper), "versions": products.versions()}
-    every = {name: one.default for name, one in pages.parameters(paper).items()} | values
-    now["parameters"] = {name: every[name] for name in every if name not in pages.EXECUTION}
+    now = pages.provenance(paper, values)
     return all(about | now == about for about in made)
 
 
@@ -138,7 +122,9 @@ def smaller(paper, values):
 
 
 def _execute(paper, values, output, debug):
-    """Execute a notebook in a child process; raises as :func:`tbdcore.repro.pages.execute` does."""
+    """Execute a notebook in a child process; RuntimeError when a cell fails or the kernel dies,
+    OSError when there is no kernel to run in.
+    """
     place, start = paths.BUILD / f"{paper}.{os.getpid()}.part", time.monotonic()
 
     def tick():
@@ -148,8 +134,10 @@ def _execute(paper, values, output, debug):
 
     job = json.dumps([paper, values, str(output), str(place), os.getpid()])
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
-    environment = QUIET | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
+    environment = QUIET_ENVIRONMENT | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
     environment["PYTHONSAFEPATH"] = "1"  # no module is imported from the current folder
+    if path := os.environ.get("PYTHONPATH"):  # whose first folder ipykernel drops if it is that
+        environment["PYTHONPATH"] = os.pathsep.join([str(place), path])
     try:
         place.mkdir(parents=True)
         code = processes.call(words, environment, place / "log", tick)
@@ -167,27 +155,59 @@ def _raise_failure(paper, code, place, debug):
     log = (place / "log").read_text(encoding="utf-8", errors="replace")
     own = [line.strip() for line in log.split("\n") if "[IPKernelApp]" not in line and line.strip()]
     last = f": {own[-1][:200]}" if own else ""
-    kind, error, trace = "", f"{paper}: the run died with code {code}{last}; run it again", log
+    error, trace = f"{paper}: the run died with code {code}{last}; run it again", log
     with contextlib.suppress(OSError):
-        kind, error, trace = json.loads((place / "outcome").read_text(encoding="utf-8"))
+        error, trace = json.loads((place / "outcome").read_text(encoding="utf-8"))
     print(trace if debug else "", end="", file=sys.stderr)
     error = error.replace("the kernel died;", f"the kernel died{last};")
-    raise (OSError if kind == "OSError" else RuntimeError)(error)
+    raise (OSError if code == ENVIRONMENT else RuntimeError)(error)
 
 
 def _main(paper, values, output, place, parent):
-    """The child process: executes a notebook and reports in a folder how it failed."""
+    """The child process: executes a notebook through papermill, and reports how it failed in a
+    folder and by its exit code; the notebook of a failed run is at :func:`_failed_at`.
+    """
+    from jupyter_client.kernelspec import NoSuchKernel
+    from nbclient.exceptions import DeadKernelError
+    from papermill import PapermillExecutionError, execute_notebook
+
     processes.end_with_parent(parent)
     logging.disable()
     sys.stderr = io.StringIO()  # so that what is in the file comes from the kernel
+    output = Path(output)
+    part = output.with_suffix(f".{os.getpid()}.part.ipynb")
+    options = {"kernel_name": "python3", "progress_bar": False, "cwd": str(Path.cwd())}
+    # asked to shut down, a kernel waits 2.5 s for the tracker of its workers, which ends after it
+    options["shutdown_kernel"] = "immediate"
+    # written once, at the end: a save for each cell costs a second for every 100 cells
+    options["request_save_on_cell_execute"] = False
     try:
-        pages.execute(paper, values, Path(output))
+        output.parent.mkdir(parents=True, exist_ok=True)
+        execute_notebook(pages.path(paper), part, values, **options)
+        os.replace(part, output)
+        _failed_at(output).unlink(missing_ok=True)
     except Exception as error:
-        kind = "OSError" if isinstance(error, OSError) else type(error).__name__
-        text = str(error) if kind in ("OSError", "RuntimeError") else f"{paper}: {kind}: {error}"
-        outcome = json.dumps([kind, text, traceback.format_exc()])
-        products.write(Path(place), {"outcome": outcome.encode()})
-        sys.exit(1)
+        code, wrong = FAILED, f"{paper}: {type(error).__name__}: {error}"
+        if isinstance(error, PapermillExecutionError):
+            os.replace(part, _failed_at(output))
+            said = " ".join(f"cell {error.exec_count}: {error.ename}: {error.evalue}".split())
+            wrong = f"{paper}, {said}; the run is in {_failed_at(output)}"
+        elif isinstance(error, DeadKernelError):
+            wrong = f"{paper}: the kernel died; run it again"
+        elif isinstance(error, NoSuchKernel):
+            code, wrong = ENVIRONMENT, "there is no Jupyter kernel python3; tbdcore doctor says how"
+        elif isinstance(error, OSError):
+            code, wrong = ENVIRONMENT, str(error)
+        outcome = json.dumps([wrong, traceback.format_exc()]).encode()
+        products.write(Path(place), {"outcome": outcome})
+        sys.exit(code)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _failed_at(output):
+    """Where an executed notebook is left when a cell has failed."""
+    return output.with_suffix(".failed.ipynb")
 
 
 def _remove_leftovers(*folders):

@@ -4,7 +4,8 @@ A product has the id ``<paper>/<name>``, for instance ``track_cfar/fig05``; the 
 everything about it.  ``text`` writes what a report needs, ``which`` finds out what a file is that
 lies anywhere under any name, and whether the sources that made it have changed since; ``retired``
 lists what is no longer made; ``gallery`` and ``bibliography`` are ``figures/README.md`` and
-``figures/figures.bib``.  Bibliographic fields come from ``data/papers.toml`` and ``CITATION.cff``.
+``figures/figures.bib``.  Bibliographic fields come from ``data/papers.toml`` and ``CITATION.cff``,
+in ``entries`` also from the clone (``clone.find``).
 """
 
 import itertools
@@ -15,10 +16,11 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
-from tbdcore.repro import claims, pages, paths, products
+from tbdcore.repro import claims, clone, pages, paths, products
 
 ARTICLE = ("author", "title", "journal", "year")  # what BibTeX requires of an @article
-FIELDS = (*ARTICLE[:3], "volume", "number", "pages", "year", "version", "doi", "url", "key", "note")
+FIELDS = (*ARTICLE[:3], "volume", "number", "pages", "year", "version", "doi", "howpublished")
+FIELDS += ("key", "note")
 COLUMN = 325  # points: a little less than the text of an article, 345, is wide
 KINDS = ("pdf", "svg", "png", "gif", "md", "tex", "csv", "json")
 # pages that judge no paper
@@ -102,12 +104,12 @@ def text(id, form=""):
     if form == "markdown":
         return _markdown(about, have) + ("\n" if "png" in have else f"\n{_caption(about)}\n")
     if form == "bibtex":
-        return bibliography(about["paper"])
+        return entries(about["paper"], id)
     names = "".join(f"  {_relative(file)}\n" for file in have.values())
     made = f"seed {about['seed']}, {about['trials']} trials, digest {about['digest']}"
     again = about.get("remake", f"tbdcore run {about['paper']}")
     head = f"{id}\n  {about['caption']}\n  {made}; {again}\n"
-    return f"{head}\n{names}\n{bibliography(about['paper'])}"
+    return f"{head}\n{names}\n{entries(about['paper'], id)}"
 
 
 def _caption(about):
@@ -135,7 +137,8 @@ def _latex(about, have):
     if paper in pages.papers():  # a product of ours beyond the paper is not after it
         after = "Not in" if re.search("/(beyond|open)_", id) else "After"
         origin = f"{after}~\\cite{{{paper}}}, computed"
-    says = f"{products.tex(_caption(about).rstrip(' .'))}. {origin} with~\\cite{{tbdcore}}."
+    ours = f"\\cite[{_escaped(id)}]{{tbdcore}}"
+    says = f"{products.tex(_caption(about).rstrip(' .'))}. {origin} with~{ours}."
     body = [f"\\caption{{{says}}}", f"\\label{{{label}}}"]
     if picture:
         body.insert(0, f"\\includegraphics[width=\\linewidth]{{{_relative(have['pdf'])}}}")
@@ -189,10 +192,14 @@ def paper_entry(paper):
     return _entry("article" if all(fields[name] for name in ARTICLE) else "misc", paper, fields)
 
 
-def repository_entry():
-    """BibTeX of this repository, from CITATION.cff."""
+def repository_entry(known=None, id=""):
+    """BibTeX of this repository, from CITATION.cff; of a clone also where it is, and which commit.
+
+    `id` is the figure or table that is cited.
+    """
     import yaml
 
+    known = known or clone.Clone()
     try:
         about = yaml.safe_load(paths.CITATION.read_text(encoding="utf-8"))
         fields = {"author": " and ".join(map(_name, about["authors"]))}
@@ -200,8 +207,29 @@ def repository_entry():
     except (yaml.YAMLError, KeyError, TypeError):
         wrong = "no authors or no title in it; take it from the repository again"
         raise ValueError(f"{paths.CITATION.name}: {wrong}") from None
-    fields |= {"year": str(about.get("date-released", ""))[:4], "url": about.get("repository-code")}
-    return _entry("misc", "tbdcore", fields | {key: about.get(key) for key in ("version", "doi")})
+    address = known.address or about.get("repository-code", "")
+    kind = "figure" if id and {"png", "pdf"} & {*files(id)} else "table"
+    note = [known.commit and f"commit {known.commit}", id and f"{kind} {id}"]
+    fields |= {
+        "year": str(about.get("date-released", ""))[:4],
+        "howpublished": _escaped(address),
+    }
+    fields |= {key: about.get(key) for key in ("version", "doi")}
+    return _entry("misc", "tbdcore", fields | {"note": _escaped(", ".join(filter(None, note)))})
+
+
+def _escaped(text):
+    """An address or id for TeX, letter by letter."""
+    return re.sub(r"([&%$#_{}])", r"\\\1", text)
+
+
+def entries(page="", id=""):
+    """BibTeX as `bibliography`, for a report: with address and commit of the clone if git knows
+    them, a line for what it does not know, and the id of what is cited.
+    """
+    known = clone.find()
+    said = "".join(f"% {line}\n" for line in known.missing)
+    return f"{said}{bibliography(page, known, id)}"
 
 
 def _name(who):
@@ -232,12 +260,15 @@ def topic(page):
     return TOPICS.get(page) or papers()[page]["topic"]
 
 
-def bibliography(page=""):
-    """BibTeX of all papers (figures.bib), or of a page's if it has one, and of this repository."""
+def bibliography(page="", known=None, id=""):
+    """BibTeX of all papers, or of a page's if it has one, and of this repository.
+
+    Without a clone and an id it is the same everywhere, as ``figures.bib`` has to be.
+    """
     if page:
         pages.path(page)  # there is one
     found = [paper for paper in pages.papers() if page in ("", paper)]
-    return "\n".join([*map(paper_entry, found), repository_entry()])
+    return "\n".join([*map(paper_entry, found), repository_entry(known, id)])
 
 
 # Gallery -------------------------------------------------------------------------------------

@@ -22,14 +22,11 @@ The *evidence* of a verdict is ``measured`` (the experiment could have come out 
 ``constructed`` (follows from definitions, arithmetic or the page's own assumptions) or
 ``repeats <id>`` (the same measurement as another row).  Only measured rows make the headline.
 
-The *rule* of a row says what is measured and on which trials, and gives the numbers of the
-judgement as ``; name = number``: ``runs``, the paper's number of runs; ``null``, the value of "no
-effect"; ``step``, the smallest difference the print could show where its digits do not say;
-``half``, the half digit of a printed bound without a number; others are a page's.  Rules were
-declared before measuring; ``data/claims/CHANGES.md`` lists those that changed.
-
-What a paper leaves open is a *reading*: ``data/readings.csv`` lists the words, the options, the
-default and the rows that it touches.  Each other option is flown on the scenes of the default.
+The *rule* of a row says what is measured on which trials, and gives the numbers of the judgement as
+``; name = number``: ``runs``, the paper's number of runs; ``null``, the value of "no effect";
+``step``, the smallest difference the print could show where its digits do not say; ``half``, the
+half digit of a printed bound without a number; others are a page's.  Rules were declared before
+measuring; ``data/claims/CHANGES.md`` lists those that changed.
 """
 
 import csv
@@ -39,7 +36,6 @@ import io
 import math
 import re
 from fnmatch import fnmatchcase
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -158,21 +154,29 @@ def read(paper, folder=None):
     return claims
 
 
-def records(path, kind, faults, key=lambda row: row.id):
+def records(path, kind, faults=lambda row: (), key=lambda row: row.id):
     """The rows of a CSV file as named tuples of text by their keys; none if there is no file.
 
     `faults` gives for a row what can be wrong: column, whether it is, and what to do.  Raises
-    ValueError, naming file, row and column, for the first one that is, a row that is there twice,
-    and as :func:`rows` does.
+    ValueError, naming file, row and column, for the first one that is, a row that is incomplete or
+    there twice, other columns, and a file that is no CSV or that a spreadsheet program has saved.
     """
-    found = {}
-    listed = rows(path, kind._fields) if path.is_file() else []
-    for number, row in enumerate(map(kind._make, listed), start=2):
+    found, name, columns = {}, path.name, [*kind._fields]
+    header, *rows = _rows(path) if path.is_file() else [columns]
+    if header != columns:
+        missing = next((column for column in columns if column not in header), "")
+        wrong = f"the columns are {','.join(header)}; make them {','.join(columns)}"
+        raise fault(name, 1, missing, wrong)
+    for number, texts in enumerate(rows, start=2):
+        if len(texts) != len(columns):
+            wrong = f"{len(texts)} fields instead of {len(columns)}; quote fields with commas"
+            raise fault(name, number, columns[min(len(texts), len(columns) - 1)], wrong)
+        row = kind(*texts)
         for column, wrong, advice in faults(row):
             if wrong:
-                raise fault(path.name, number, column, f"{getattr(row, column)!r}; {advice}")
+                raise fault(name, number, column, f"{getattr(row, column)!r}; {advice}")
         if key(row) in found:
-            raise fault(path.name, number, "", f"{key(row)!r} stands there twice")
+            raise fault(name, number, "", f"{key(row)!r} stands there twice")
         found[key(row)] = row
     return found
 
@@ -182,32 +186,19 @@ def fault(name, number, column, wrong):
     return ValueError(f"{name}, row {number}{f', column {column}' if column else ''}: {wrong}")
 
 
-def rows(path, columns):
-    """The rows of a CSV file as lists of text.
-
-    Raises ValueError, naming file, row and column, when it has been saved by a spreadsheet program,
-    is no CSV, or has other columns or an incomplete row.
-    """
-    text, name = path.read_bytes().decode("utf-8", "surrogateescape"), path.name
+def _rows(path):
+    """The rows of a CSV file, the header first, as lists of text."""
+    text = path.read_bytes().decode("utf-8", "surrogateescape")
     if odd := re.search("[\ufeff\r\udc80-\udcff]", text):
         wrong = {"\ufeff": "a byte-order mark", "\r": "CR"}.get(odd[0], "a byte that is not UTF-8")
         advice = "save it as plain CSV: UTF-8 without byte-order mark, LF line ends, commas"
-        raise fault(name, text.count("\n", 0, odd.start()) + 1, "", f"{wrong}; {advice}")
+        raise fault(path.name, text.count("\n", 0, odd.start()) + 1, "", f"{wrong}; {advice}")
     reader = csv.reader(io.StringIO(text), strict=True)
     try:
-        header, *found = list(reader) or [[]]
+        return list(reader) or [[]]
     except csv.Error as error:
         advice = "look for a quotation mark without its partner"
-        raise fault(name, reader.line_num, "", f"{error}; {advice}") from None
-    if header != list(columns):
-        missing = next((column for column in columns if column not in header), "")
-        wrong = f"the columns are {','.join(header)}; make them {','.join(columns)}"
-        raise fault(name, 1, missing, wrong)
-    for number, row in enumerate(found, start=2):
-        if len(row) != len(columns):
-            wrong = f"{len(row)} fields instead of {len(columns)}; quote fields with commas"
-            raise fault(name, number, columns[min(len(row), len(columns) - 1)], wrong)
-    return found
+        raise fault(path.name, reader.line_num, "", f"{error}; {advice}") from None
 
 
 _DIFFERENCE = re.compile(r"\b(gain|loss|saving|advantage|reduction|ratio|difference)\b")
@@ -219,10 +210,7 @@ def _claim_faults(it):
     number, rule, word = it.kind == "number", numbers(it.rule), it.evidence.partition(" ")[0]
     gain = number and it.rule and _DIFFERENCE.search(it.quantity.lower())
     return [
-        *(
-            (name, not getattr(it, name).strip(), "write it down")
-            for name in ("id", "quantity", "value")
-        ),
+        *_empty(it, "id", "quantity", "value"),
         ("kind", it.kind not in KINDS, f"known are {', '.join(KINDS)}"),
         ("unit", it.unit not in UNITS, f"known are {units}"),
         ("value", re.fullmatch(r"[+-]?\d+,\d+", it.value), "write a point for the decimal comma"),
@@ -236,13 +224,35 @@ def _claim_faults(it):
     ]
 
 
-def readings(paper, folder=None):
-    """Readings of a paper by name, from the file beside the folder of the claims.
+def _empty(it, *names):
+    """Those of some columns that must be filled, as what can be wrong."""
+    return [(name, not getattr(it, name).strip(), "write it down") for name in names]
 
-    Raises ValueError as :func:`records` does.
+
+def readings(paper, folder=None):
+    """Readings of a paper by name, from the file beside the folder of the claims; ValueError as
+    :func:`records` raises.
     """
+
+    def faults(it):
+        known, options = papers(folder), _items(it.options)
+        ids = list(read(it.chapter, folder)) if it.chapter in known else []
+        lost = [each for each in _items(it.rows) if not any(fnmatchcase(id, each) for id in ids)]
+        excluded = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
+        excluded = [each and each[1] in options and each[1] != it.default for each in excluded]
+        near, claim = nearest(it.chapter, known), nearest("".join(lost[:1]), ids)
+        others = f"one of {it.options}, no default"
+        several = len({*options}) >= max(2, len(options))
+        return [
+            ("chapter", it.chapter not in known, f"the nearest paper is {near!r}"),
+            *_empty(it, "name", "words", "rows"),
+            ("options", not several, "give two or more, each once, with ;"),
+            ("default", it.default not in options, f"choose one of {it.options}"),
+            ("rows", lost, f"no claim is {lost}; the nearest is {claim!r}"),
+            ("refuted", not all(excluded), f"write option: reason; {others}"),
+        ]
+
     path = (folder or paths.CLAIMS).parent / "readings.csv"
-    faults = partial(_reading_faults, folder)
     listed = records(path, Reading, faults, lambda row: (row.chapter, row.name)).values()
     return {row.name: row for row in listed if row.chapter == paper}
 
@@ -250,27 +260,6 @@ def readings(paper, folder=None):
 def _items(text):
     """The parts between semicolons."""
     return [part.strip() for part in text.split(";") if part.strip()]
-
-
-def _reading_faults(folder, it):
-    """What can be wrong in a row of readings.csv: column, whether it is, and what to do."""
-    known, options = papers(folder), _items(it.options)
-    ids = list(read(it.chapter, folder)) if it.chapter in known else []
-    lost = [each for each in _items(it.rows) if not any(fnmatchcase(id, each) for id in ids)]
-    excluded = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
-    excluded = [each and each[1] in options and each[1] != it.default for each in excluded]
-    near, claim = nearest(it.chapter, known), nearest("".join(lost[:1]), ids)
-    return [
-        ("chapter", it.chapter not in known, f"the nearest paper is {near!r}"),
-        *(
-            (name, not getattr(it, name).strip(), "write it down")
-            for name in ("name", "words", "rows")
-        ),
-        ("options", len({*options}) < max(2, len(options)), "give two or more, each once, with ;"),
-        ("default", it.default not in options, f"choose one of {it.options}"),
-        ("rows", lost, f"no claim is {lost}; the nearest is {claim!r}"),
-        ("refuted", not all(excluded), f"write option: reason; one of {it.options}, no default"),
-    ]
 
 
 _ITEM = re.compile(r"; ?([a-z][a-z ]*) = ([+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?)(?![\w.])")
@@ -378,19 +367,6 @@ def sign_probability(margin, se, n=None, runs=None):
     return math.erfc(-margin / spread / math.sqrt(2)) / 2 if spread else math.nan
 
 
-def differs_between(verdict, others, options):
-    """Whether a verdict is `reproduced` under one option and `differs` under another.
-
-    `others` are the verdicts under the other `options`; those count whose paired difference from
-    the default is beyond Bonferroni's quantile for all differences.
-    """
-    points, found = sum(np.size(option.difference) for option in options), {verdict}
-    for other, option in zip(others, options, strict=True):
-        limit = quantile(option.n, points) * np.asarray(option.error)
-        found |= {other} if np.any(np.abs(option.difference) > limit) else set()
-    return found >= {"reproduced", "differs"}
-
-
 # The ledger -----------------------------------------------------------------------------------
 
 
@@ -420,10 +396,16 @@ class Ledger:
         runs = {numbers(claim.rule).get("runs") for claim in self.claims.values()} - {None}
         self.runs = runs.pop() if len(runs) == 1 else None  # the paper's own, for its orderings
 
+    def named(self, name, known, kind="claim"):
+        """What a name stands for; ValueError, with the nearest one, when it is not known."""
+        if name not in known:
+            raise self._error(f"no {kind} {name!r}; the nearest is {nearest(name, known)!r}")
+        return known[name]
+
     def number(self, id, name):
         """A number of a row's rule; ValueError, with the nearest name, when it has none."""
-        claim = self._named(id, self.claims, "claim")
-        return self._named(name, numbers(claim.rule), f"number in the rule of {id},")
+        claim = self.named(id, self.claims)
+        return self.named(name, numbers(claim.rule), f"number in the rule of {id},")
 
     def check(self, id, measured, *, se=0.0, n=None, shown="", reached=False, readings=None):
         """Judge a claim by its rule; see :func:`judge` and :func:`judge_margins`.
@@ -446,7 +428,8 @@ class Ledger:
             shown = "; ".join(filter(None, (shown, row.measured)))
         if readings or (self._measured(claim) and self.options(claim)):
             row = self._compared(claim, row, readings or {}, reached)
-        return self._enter(claim, row._replace(measured=shown))
+        cause = claim.cause if row.verdict == "differs" else ""
+        return self._enter(row._replace(measured=shown, evidence=claim.evidence, cause=cause))
 
     def judged(self, claim, measured, se=0.0, n=None, reached=False):
         """The verdict on a claim by what was measured alone."""
@@ -462,7 +445,11 @@ class Ledger:
             verdict, z = judge(printed, half, value, se, n, rule.get("runs"), rule.get("null"))
             text = digits(value, se)
         else:
-            margins = np.atleast_1d(measured).astype(float) + _relief(claim, rule)
+            half = rule.get("half", 0.0)  # by which the margin of a printed bound is relaxed
+            if claim.kind == "bound" and "half" not in rule:
+                printed = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value)
+                half = parse(printed[1])[1] if printed else 0.0
+            margins = np.atleast_1d(measured).astype(float) + half
             verdict, i = judge_margins(margins, se, n, reached)
             margin, se = margins[i], float(np.broadcast_to(se, margins.shape)[i])
             text = f"{'least ' if margins.size > 1 else ''}margin {digits(margin, se)}"
@@ -481,7 +468,9 @@ class Ledger:
     def _compared(self, claim, row, readings, reached):
         """A verdict under the default and what the other options make of it.
 
-        Raises ValueError unless exactly the options that the row needs are given.
+        `reproduced` under one option and `differs` under another make it `depends`; of the other
+        options those count whose paired difference from the default is beyond Bonferroni's quantile
+        for all differences.  ValueError unless exactly the options that the row needs are given.
         """
         wanted, given = (
             "; ".join(f"{name}: {', '.join(sorted(each))}" for name, each in sorted(it.items()))
@@ -490,17 +479,20 @@ class Ledger:
         if wanted != given:
             wrong = f"readings.csv has the other options {wanted or 'none'}"
             raise self._error(f"{claim.id}: {wrong}; given are {given or 'none'}")
-        only = next(iter(readings)) if len(readings) == 1 else ""
-        every = {self.readings[only].default if only else "default": row.verdict}
-        flown = [(name, option) for name, options in readings.items() for option in options]
-        options = [readings[name][option] for name, option in flown]
-        for words, it in zip(flown, options, strict=True):
-            found = self.judged(claim, it.measured, it.se, it.n, reached)
-            every[" ".join(words).removeprefix(f"{only} ")] = found.verdict
-        verdicts = [*every.values()]
+        flown = {(name, it): each[it] for name, each in readings.items() for it in each}
+        points = sum(np.size(option.difference) for option in flown.values())
+        alone = next(iter(readings)) if len(readings) == 1 else ""
+        every = {self.readings[alone].default if alone else "default": row.verdict}
+        sure = {row.verdict}
+        for (name, option), it in flown.items():
+            verdict = self.judged(claim, it.measured, it.se, it.n, reached).verdict
+            every[option if alone else f"{name} {option}"] = verdict
+            if np.any(np.abs(it.difference) > quantile(it.n, points) * np.asarray(it.error)):
+                sure.add(verdict)
         told = ", ".join(map(" ".join, every.items()))
-        row = row._replace(readings=f"{verdicts.count('reproduced')} of {len(every)}: {told}")
-        depends = self._measured(claim) and differs_between(row.verdict, verdicts[1:], options)
+        count = [*every.values()].count("reproduced")
+        row = row._replace(readings=f"{count} of {len(every)}: {told}")
+        depends = self._measured(claim) and sure >= {"reproduced", "differs"}
         return row._replace(verdict="depends") if depends else row
 
     def _measured(self, claim):
@@ -522,7 +514,8 @@ class Ledger:
             printed = f"the paper prints {claim.value!r} {claim.unit}"
             raise self._error(f"{id}: the code runs with {value!r} {unit or ''}, {printed}")
         shown = _plain(value) + (f" {unit}" if unit else "")
-        return self._enter(claim, _row(claim, shown, verdict="used" if same else "differs"))
+        verdict, cause = ("used", "") if same else ("differs", "parameter changed in this run")
+        return self._enter(_row(claim, shown, verdict=verdict, cause=cause))
 
     def inputs(self, scenario):
         """Enter every field of a dataclass made by ``tbdcore.scenario.given``; the symbol table."""
@@ -544,7 +537,7 @@ class Ledger:
             raise self._error(f"{id}: untestable needs its reason")
         if claim.rule and self.strict:
             raise self._error(f"{id} is untestable, so its rule has to go")
-        return self._enter(claim, _row(claim, verdict="untestable", cause=reason))
+        return self._enter(_row(claim, verdict="untestable", cause=reason))
 
     def table(self):
         """All verdicts in the order of the claims file, as a frame.
@@ -586,30 +579,15 @@ class Ledger:
         """The claim of an id that has no verdict yet."""
         if id in self.verdicts:
             raise self._error(f"{id} is checked twice")
-        return self._named(id, self.claims, "claim")
+        return self.named(id, self.claims)
 
-    def _named(self, name, known, kind):
-        if name not in known:
-            raise self._error(f"no {kind} {name!r}; the nearest is {nearest(name, known)!r}")
-        return known[name]
-
-    def _enter(self, claim, row):
-        if row.verdict == "differs":
-            changed = "parameter changed in this run"
-            row = row._replace(cause=changed if claim.kind == "input" else claim.cause)
-        row = row._replace(evidence=claim.evidence if row.verdict in JUDGED else "")
-        self.verdicts[claim.id] = row
+    def _enter(self, row):
+        self.verdicts[row.id] = row
         return row
 
 
 def _row(claim, measured="", **texts):
     return Verdict(claim.id, claim.item, claim.quantity, published(claim), measured, **texts)
-
-
-def _relief(claim, rule):
-    """The half digit of a printed bound, by which its margin is relaxed."""
-    bound = re.fullmatch(r"[<>≤≥]=?\s*(\S+)", claim.value) if claim.kind == "bound" else None
-    return rule["half"] if "half" in rule else parse(bound[1])[1] if bound else 0.0
 
 
 def published(claim):
@@ -664,7 +642,7 @@ def verdicts(paper, folder=None):
     if not path.is_file():
         raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: {again}")
     try:
-        found = [Verdict(*row) for row in rows(path, Verdict._fields)]
+        found = [*records(path, Verdict).values()]
     except ValueError as error:
         wrong = f"no table of verdicts ({error})"
         raise ValueError(f"{path}: {wrong}; make it anew: {again}") from None

@@ -8,7 +8,6 @@ Little is imported before the signals have their handlers.
 import argparse
 import contextlib
 import os
-import re
 import sys
 import traceback
 
@@ -17,6 +16,7 @@ from tbdcore.repro import paths, processes
 
 GOOD, FAILED, USAGE, ENVIRONMENT, INTERRUPTED = 0, 1, 2, 3, 130
 PAPER = {"metavar": "PAPER", "help": "name, number or notebook, as tbdcore list shows them"}
+ID = {"metavar": "PAPER[/NAME]", "help": "as tbdcore cite has it"}
 FLAG = {"action": "store_true"}
 TEXTS = {"action": "append", "default": []}
 FORM = {"action": "store_const", "dest": "form"}
@@ -25,12 +25,8 @@ OPTIONS = {
     "paper": PAPER,
     "[paper]": PAPER | {"nargs": "?"},
     "values": {"metavar": "name=v1,v2,...", "help": "one parameter; between lists write ;"},
-    "id": {
-        "nargs": "?",
-        "default": "",
-        "metavar": "PAPER[/NAME]",
-        "help": "as tbdcore cite has it",
-    },
+    "id": ID | {"nargs": "?", "default": ""},
+    "key": {"metavar": "NAME", "help": "of the new paper: small letters, digits, underscores"},
     "file": {"metavar": "FILE", "help": "a product of tbdcore, wherever it is now"},
     "--out": {"metavar": "DIR", "help": "folder for the products, not figures/ or build/sweep"},
     "-p": TEXTS | {"metavar": "name=value", "help": "a parameter; tbdcore list PAPER shows all"},
@@ -57,6 +53,7 @@ COMMANDS = {  # what it does, its options; of a|b at most one
     "cite": ("caption, files and BibTeX of a product; without an id all ids", CITING),
     "which": ("what a file is, what made it, what has changed since", "file --figures"),
     "list": ("the papers; of one paper its parameters and products", "[paper] --figures"),
+    "new": ("begin a chapter with the example of docs/add_a_paper.md", "key"),
     "doctor": ("whether this machine can run it all, with a self-test", ""),
 }
 EXAMPLES = {
@@ -66,6 +63,7 @@ EXAMPLES = {
     "cite": ["", "track_cfar", "track_cfar/fig05 --latex", "dp_tbd --bibtex"],
     "which": ["report/picture.pdf", "figures/track_cfar/fig05.csv"],
     "list": ["", "track_cfar"],
+    "new": ["square_law"],
     "doctor": [""],
 }
 
@@ -150,18 +148,13 @@ def _folders(figures):
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line with the nearest valid word."""
+    """A parser whose errors are one line, with the nearest valid word to one that is not known."""
 
-    def error(self, message):
-        from tbdcore.repro.claims import nearest
+    def error(self, message, word="", known=()):
+        if word:
+            from tbdcore.repro.claims import nearest
 
-        if wrong := re.search(r"invalid choice: '([^']*)'", message):
-            near = nearest(wrong[1], COMMANDS)
-            message = f"there is no command {wrong[1]!r}; the nearest is {near!r}"
-        if (words := message.removeprefix("unrecognized arguments: ")) != message:
-            near = nearest(words.split()[0], self._option_string_actions)
-            near = f"; the nearest is {near}" if words[0] == "-" else ""
-            message = f"{words}: not understood{near}"
+            message = f"{message}; the nearest is {nearest(word, known)}"
         raise ValueError(f"{message}; see: {self.prog} --help")
 
 
@@ -184,9 +177,14 @@ def _parse(words):
             place = own.add_mutually_exclusive_group() if "|" in choice else own
             for option in choice.split("|"):
                 place.add_argument(option.strip("[]"), **OPTIONS[option])
+    command = next((word for word in words if not word.startswith("-")), "run")
+    if command not in COMMANDS:
+        parser.error(f"there is no command {command!r}", command, map(repr, COMMANDS))
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
-        arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        options = arguments.parser._option_string_actions if unknown[0].startswith("-") else ()
+        wrong = f"{' '.join(unknown)}: not understood"
+        arguments.parser.error(wrong, unknown[0] if options else "", options)
     return arguments
 
 

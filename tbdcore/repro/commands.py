@@ -9,7 +9,7 @@ import textwrap
 from functools import partial
 from pathlib import Path
 
-from tbdcore.repro import batch, cite, claims, pages, paths, products, trials
+from tbdcore.repro import batch, cite, claims, new, pages, paths, products, trials
 from tbdcore.repro.cli import ENVIRONMENT, FAILED, GOOD, INTERRUPTED, CheckFailed, report
 
 
@@ -23,11 +23,10 @@ def run_command(arguments):
     jobs = {paper: _values(paper, arguments) for paper in map(pages.paper_of, named)}
     _find_clusters(jobs.values(), arguments)
     status, folder = GOOD, paths.BUILD / "quick" if arguments.quick else paths.BUILD
-    options = {name: getattr(arguments, name) for name in ("say", "resume", "debug")}
     for paper, values in jobs.items():
-        output = folder / pages.path(paper).name
-        result = _result(arguments, paper, partial(batch.run, paper, values, output, **options))
+        result = _run(paper, values, folder, arguments)
         if arguments.in_place and result.status == GOOD:
+            output = Path(result.notebook)
             notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
             text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
             products.write(paths.NOTEBOOKS, {output.name: text.encode()})
@@ -36,8 +35,8 @@ def run_command(arguments):
 
 
 def sweep_command(arguments):
-    """Execute one notebook for each value of a parameter."""
-    paper, runs = pages.paper_of(arguments.paper, pages.papers()), []
+    """Execute one notebook for each value of a parameter, and put the verdicts into tables."""
+    paper, runs = pages.paper_of(arguments.paper, pages.papers()), {}
     (name, _, text), known = arguments.values.partition("="), pages.parameters(paper)
     if not text:
         advice = "write the parameter and its values as name=v1,v2"
@@ -47,33 +46,23 @@ def sweep_command(arguments):
     _prepare(arguments)
     for value in text.split(";" if name in known and known[name].type == "list" else ","):
         values = _values(paper, arguments, f"{name}={value}")
-        if any(values[name] == earlier[name] for _, earlier in runs):
+        if any(values[name] == earlier[name] for earlier in runs.values()):
             raise ValueError(f"sweep {name}: {value} is given twice; give each value once")
-        runs.append((value, values))
-    _find_clusters([values for _, values in runs], arguments)
+        runs[value] = values
+    _find_clusters(runs.values(), arguments)
     folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / paper
-    options = {name: getattr(arguments, name) for name in ("say", "resume", "debug")}
-    results = batch.sweep(paper, name, runs, folder, **options)
-    ended = [_result(arguments, paper, partial(next, results)).status for _ in runs]
-    if GOOD in ended:
+    status, done = GOOD, {}
+    for value, values in runs.items():
+        arguments.say(f"{name} = {value}")
+        place = folder / f"{name}={value}"
+        result = _run(paper, values | {"out": str(place)}, place, arguments)
+        if result.status == GOOD:
+            done[value] = place
+            batch.tabulate(paper, name, done, folder)
+        status = max(status, result.status)
+    if done:
         arguments.say(f"{paper}: tables in {folder / name}.csv and {name}_shares.csv")
-    return max(ended)
-
-
-def _result(arguments, paper, run):
-    """The result of a run, reported."""
-    try:
-        result = run()
-    except KeyboardInterrupt:
-        if arguments.json:
-            ended = {"paper": paper, "status": INTERRUPTED, "error": "interrupted"}
-            print(json.dumps(ended), flush=True)
-        raise
-    if arguments.json:
-        print(json.dumps(result._asdict(), ensure_ascii=False), flush=True)
-    if result.status:
-        report(result.error, result.status)
-    return result
+    return status
 
 
 def _prepare(arguments):
@@ -90,6 +79,24 @@ def _prepare(arguments):
     arguments.say(f"{closed} cannot be written; executed notebooks go to {paths.BUILD}")
 
 
+def _run(paper, values, folder, arguments):
+    """Execute a notebook into a folder and report; returns the result."""
+    output = folder / pages.path(paper).name
+    how = {name: getattr(arguments, name) for name in ("say", "resume", "debug")}
+    try:
+        result = batch.run(paper, values, output, **how)
+    except KeyboardInterrupt:
+        if arguments.json:
+            ended = {"paper": paper, "status": INTERRUPTED, "error": "interrupted"}
+            print(json.dumps(ended), flush=True)
+        raise
+    if arguments.json:
+        print(json.dumps(result._asdict(), ensure_ascii=False), flush=True)
+    if result.status:
+        report(result.error, result.status)
+    return result
+
+
 def _values(paper, arguments, *more):
     """The parameters that the command line sets, checked with claims file and output folder."""
     known = pages.parameters(paper)
@@ -99,29 +106,26 @@ def _values(paper, arguments, *more):
     if arguments.quick:
         values = {name: one.quick for name, one in known.items() if one.quick is not None}
         values["out"] = str(paths.BUILD / "quick")
-    options = {name: getattr(arguments, name) for name in pages.EXECUTION}
-    values |= {name: value for name, value in options.items() if value is not None}
+    given = {name: getattr(arguments, name) for name in pages.EXECUTION}
+    values |= {name: value for name, value in given.items() if value is not None}
     for text in (*arguments.p, *more):
         name, equals, value = text.partition("=")
         if not equals:
             raise ValueError(f"-p {text}: write -p name=value")
-        values[name] = _value(value, known[name].type if name in known else "str")
+        kind = known[name].type if name in known else "str"
+        if kind == "list" and not value.startswith("["):
+            value = f"[{value}]"
+        values[name] = value
+        if kind != "str":  # what is no literal stays text, of the wrong type, as validate will say
+            with contextlib.suppress(ValueError, SyntaxError, MemoryError, RecursionError):
+                literal = value.capitalize() if kind == "bool" else value
+                values[name] = ast.literal_eval(literal)
     values = pages.validate(paper, values)
     if pages.changed(paper, values) and not values.get("out"):
         values["out"] = str(paths.BUILD / "run")
     paths.BUILD.mkdir(exist_ok=True)
     folder = pages.destination(paper, values)
     return values | {"out": str(folder)} if values.get("out") else values
-
-
-def _value(text, kind):
-    """A parameter from the command line: text for a str, a Python literal for everything else."""
-    if kind == "list" and not text.startswith("["):
-        text = f"[{text}]"
-    if kind != "str":  # what is no literal stays text, of the wrong type, as validate will say
-        with contextlib.suppress(ValueError, SyntaxError, MemoryError, RecursionError):
-            return ast.literal_eval(text.capitalize() if kind == "bool" else text)
-    return text
 
 
 def _find_clusters(jobs, arguments):
@@ -172,7 +176,7 @@ def cite_command(arguments):
         advice = "give the id of a figure or table; tbdcore cite lists them"
         raise ValueError(f"--{form} {id or 'without an id'}: {advice}")
     every = [paper] if paper else pages.notebooks()
-    print(cite.bibliography(paper) if form else _captions(every), end="")
+    print(cite.entries(paper) if form else _captions(every), end="")
     return GOOD
 
 
@@ -213,6 +217,13 @@ def list_command(arguments):
     print("\nfigures and tables")
     made = _captions([paper]) if cite.ids(paper) else f"none in {paths.figures()}\n"
     print(textwrap.indent(made, "  "), end="")
+    return GOOD
+
+
+def new_command(arguments):
+    """Write the files of a chapter to begin with."""
+    for path in new.create(arguments.key):
+        print(path.relative_to(paths.ROOT).as_posix())
     return GOOD
 
 

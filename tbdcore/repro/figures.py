@@ -8,10 +8,8 @@ line style, for print without colour.
 
 import io
 import json
-import pickle
 import re
 
-import cloudpickle
 import matplotlib
 import numpy as np
 import pandas as pd
@@ -20,7 +18,7 @@ from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from tbdcore.repro import products, screen, trials
+from tbdcore.repro import products, screen
 from tbdcore.score import Z99
 
 STYLE = dict.fromkeys(["font.size", "axes.titlesize", "axes.labelsize"], 9) | {
@@ -58,17 +56,13 @@ NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Softwa
 
 
 class Portfolio:
-    """The products of one paper's run, for ``folder/<paper>/``; `provenance` says what made them.
-
-    In `background`, PDF and SVG are drawn by a process of their own while the page goes on.
-    """
+    """The products of a paper's run, for ``folder/<paper>/``; `provenance` says what made them."""
 
     colour = COLOURS
 
-    def __init__(self, paper, folder, provenance, background=False):
+    def __init__(self, paper, folder, provenance):
         self.paper, self.folder, self.provenance = paper, folder, provenance
-        self.files, self.drawn, self.waiting = {}, {}, []
-        self.background, self.pool = background, None
+        self.files, self.drawn = {}, {}
 
     @staticmethod
     def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
@@ -124,15 +118,7 @@ class Portfolio:
         """
         id = self._id(name, caption)
         _lay_out(fig)
-        self.files |= {f"{name}.{extension}": b"" for extension in CANVASES}  # their places
-        if self.background:
-            self.pool = self.pool or trials.process()
-            copy = cloudpickle.dumps(fig)  # now, since drawing changes a figure
-            job = self.pool.submit(lambda: render(pickle.loads(copy), name, id, ("pdf", "svg")))
-            self.waiting.append(job)
-            self.files |= render(fig, name, id, ("png",))
-        else:
-            self.files |= render(fig, name, id, tuple(CANVASES))
+        self.files |= render(fig, name, id)
         drawn = self.drawn.pop(fig, [])
         if data is None and drawn:
             many = len({ax for ax, _ in drawn}) > 1
@@ -209,7 +195,7 @@ def _lay_out(fig):
         ax.set_position(np.round(ax.get_position(original=True).bounds, 6), which="original")
 
 
-def render(fig, name, id, extensions, dpi=STYLE["savefig.dpi"]):
+def render(fig, name, id, extensions=tuple(CANVASES), dpi=STYLE["savefig.dpi"]):
     """A figure in some formats, file name -> bytes, the same bytes every time."""
     made = {}
     with matplotlib.rc_context(STYLE):

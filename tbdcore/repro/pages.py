@@ -1,4 +1,4 @@
-"""The notebooks as objects: found by paper, imported as modules, executed with checked parameters.
+"""The notebooks as objects: found by paper, imported as modules, with parameters that are checked.
 
 A *page* is a notebook ``notebooks/NN_<paper>.ipynb``.  Its cells with the tag ``algorithm`` hold
 the paper's method.  The one cell with the tag ``parameters`` has lines such as
@@ -13,9 +13,7 @@ import contextlib
 import dataclasses
 import itertools
 import json
-import logging
 import math
-import os
 import re
 import reprlib
 import shlex
@@ -33,9 +31,9 @@ from tbdcore.repro.claims import nearest
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 EXECUTION = ("workers", "scheduler", "out")  # parameters that cannot change a result
 # modules that every product passes through
-EVERYWHERE = "from tbdcore.repro import claims, figures, products, screen, trials"
+ALWAYS_IMPORTED = "from tbdcore.repro import claims, figures, products, screen, trials"
 LARGEST = 2**63  # integers are below, so that any program can read them in a record
-_ONE_AT_A_TIME = threading.RLock()  # a page may use others
+_LOCK = threading.RLock()  # a page may use others
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,7 +147,7 @@ def page(paper):
     script run exactly what the page shows.  Its functions reach worker processes.
     """
     name, source = f"tbdcore_page_{paper}", "\n\n\n".join(cells(paper, "algorithm"))
-    with _ONE_AT_A_TIME:  # a worker may have threads, and all of them may ask for the page at once
+    with _LOCK:  # a worker may have threads, and all of them may ask for the page at once
         if name in sys.modules and sys.modules[name].__source__ == source:
             return sys.modules[name]
         core = [file.read_bytes() for file in products.imported(source)]  # its kernels go along
@@ -216,12 +214,16 @@ def changed(paper, values):
     return {name: value for name, value in settings.items() if value != known[name].default}
 
 
-def remake(paper, values):
-    """The command that runs a notebook with these parameters."""
+def provenance(paper, values):
+    """What the records of a run with these parameters say of it."""
+    every = {name: one.default for name, one in parameters(paper).items()} | values
+    used = {name: value for name, value in every.items() if name not in EXECUTION}
     words = ["tbdcore", "run", paper]
     for name, value in changed(paper, values).items():
         words += ["-p", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
-    return shlex.join(words)
+    made = {"parameters": used, "seed": used["seed"], "trials": used["n_trials"]}
+    made |= {"digest": digest(paper), "remake": shlex.join(words)}
+    return made | {"versions": products.versions()}
 
 
 def destination(paper, values):
@@ -239,14 +241,12 @@ def usable(out):
     """The folder of a name, made if need be; ValueError when it cannot be written.  The parent of
     an absolute one must exist: a typing mistake should not grow a tree somewhere.
     """
-    folder, advice = Path(out), "give a folder that can be written, such as build/try"
-    if folder.is_absolute() and not folder.parent.is_dir():
-        wrong = "its parent folder does not exist; make it, or"
-        raise ValueError(f"output folder {out}: {wrong} {advice}")
+    folder = Path(out)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=not folder.is_absolute(), exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
+        advice = "give a folder that can be written, such as build/try"
         raise ValueError(f"output folder {out}: {error.strerror}; {advice}") from None
     return folder.resolve()
 
@@ -262,7 +262,7 @@ def digest(paper):
         parts = [products.meaning(cell) for cell in code]
     except SyntaxError as error:
         raise ValueError(f"{path(paper).name}: a code cell is no Python: {error}") from None
-    files = products.imported("\n".join([*code, EVERYWHERE]))
+    files = products.imported("\n".join([*code, ALWAYS_IMPORTED]))
     files.append(paths.PACKAGE / "__init__.py")  # the decorator of all kernels
     parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
     if paper == "index":
@@ -273,45 +273,6 @@ def digest(paper):
         parts += ["\0".join(row[:-1]) for row in claims.read(paper).values()]  # the cause is last
         parts += [repr(row._replace(words="")) for row in claims.readings(paper).values()]
     return products.digest([part.encode() for part in parts])
-
-
-def execute(paper, values, output):
-    """Run a notebook through papermill with parameters as `validate` returns them.
-
-    The executed notebook is at `output`, that of a failed run at :func:`failed_at`.  RuntimeError
-    when a cell fails or the kernel dies, OSError when there is no kernel to run in.
-    """
-    from jupyter_client.kernelspec import NoSuchKernel
-    from nbclient.exceptions import DeadKernelError
-    from papermill import PapermillExecutionError, execute_notebook
-
-    logging.getLogger("papermill").addHandler(logging.NullHandler())  # its errors are raised too
-    output.parent.mkdir(parents=True, exist_ok=True)
-    part = output.with_suffix(f".{os.getpid()}.part.ipynb")
-    options = {"kernel_name": "python3", "progress_bar": False, "cwd": str(Path.cwd())}
-    # asked to shut down, a kernel waits 2.5 s for the tracker of its workers, which ends after it
-    options["shutdown_kernel"] = "immediate"
-    # written once, at the end: a save for each cell costs a second for every 100 cells
-    options["request_save_on_cell_execute"] = False
-    try:
-        execute_notebook(path(paper), part, values, **options)
-        os.replace(part, output)
-        failed_at(output).unlink(missing_ok=True)
-    except PapermillExecutionError as error:
-        os.replace(part, failed_at(output))
-        said = " ".join(f"cell {error.exec_count}: {error.ename}: {error.evalue}".split())
-        raise RuntimeError(f"{paper}, {said}; the run is in {failed_at(output)}") from None
-    except DeadKernelError:
-        raise RuntimeError(f"{paper}: the kernel died; run it again") from None
-    except NoSuchKernel:
-        raise OSError("there is no Jupyter kernel python3; tbdcore doctor says how") from None
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def failed_at(output):
-    """Where an executed notebook is left when a cell has failed."""
-    return output.with_suffix(".failed.ipynb")
 
 
 def clean(notebook):

@@ -15,6 +15,7 @@ PLACES = {
     "NOTEBOOKS": "notebooks",  # NN_<paper>.ipynb, committed executed
     "BIBLIOGRAPHY": "data/papers.toml",
     "CLAIMS": "data/claims",  # <paper>.csv: what the papers publish
+    "SEEDS": "data/seeds.csv",  # the verdicts under other seeds
     "PRODUCTS": "figures",  # <paper>/fig05.pdf and its kin: the committed products
     "LOCK": "environment.txt",
     "README": "README.md",

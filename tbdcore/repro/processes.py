@@ -12,8 +12,8 @@ import threading
 import time
 
 ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
-NOTICE = 2  # seconds that a process has to end before it is killed
-TICK = 1.0  # seconds between two looks at a process that runs
+GRACE_PERIOD = 2  # seconds that a process has to end before it is killed
+POLL_INTERVAL = 1.0  # seconds between two looks at a process that runs
 came = []  # signals that have asked the present command to end
 
 
@@ -76,7 +76,7 @@ def call(words, environment, log, tick):
             if came:
                 raise KeyboardInterrupt
             with contextlib.suppress(subprocess.TimeoutExpired):
-                child.wait(TICK)
+                child.wait(POLL_INTERVAL)
             seen |= set(own.children(recursive=True)) - before
             tick()
         return child.returncode
@@ -98,7 +98,7 @@ def end(processes):
         for process in processes:
             with contextlib.suppress(psutil.NoSuchProcess):
                 act(process)
-        until = time.monotonic() + NOTICE
+        until = time.monotonic() + GRACE_PERIOD
         while (processes := list(filter(runs, processes))) and time.monotonic() < until:
             time.sleep(0.01)
 

@@ -142,22 +142,17 @@ def _strip(node):
     """Take the docstring from a node, and the fields that only some versions of Python have."""
     if isinstance(node, ast.Module | ast.ClassDef | FUNCTIONS):
         node.body = node.body[ast.get_docstring(node, clean=False) is not None :]
-    if isinstance(node, ast.JoinedStr):
-        node.values = _merged(node.values)
+    if isinstance(node, ast.JoinedStr):  # Python versions divide its texts differently
+        merged = []
+        for piece in node.values:
+            if merged and isinstance(piece, ast.Constant) and isinstance(merged[-1], ast.Constant):
+                piece = ast.Constant(merged.pop().value + piece.value)
+            merged.append(piece)
+        node.values = [piece for piece in merged if getattr(piece, "value", None) != ""]
     for name, value in [*vars(node).items()]:
         empty = value in (None, []) and not isinstance(node, ast.Constant)
         if empty or name in ("kind", "type_comment"):
             delattr(node, name)
-
-
-def _merged(pieces):
-    """Pieces of an f-string, neighbouring texts as one: Python versions divide them differently."""
-    merged = []
-    for piece in pieces:
-        if merged and isinstance(piece, ast.Constant) and isinstance(merged[-1], ast.Constant):
-            piece = ast.Constant(merged.pop().value + piece.value)
-        merged.append(piece)
-    return [piece for piece in merged if getattr(piece, "value", None) != ""]
 
 
 def imported(source):

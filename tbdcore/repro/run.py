@@ -6,7 +6,7 @@ interrupted leaves the old products as they were.
 
 import contextlib
 
-from tbdcore.repro import claims, figures, pages, products, screen, trials
+from tbdcore.repro import claims, figures, pages, products, screen
 
 SUFFIXES = (*figures.CANVASES, "gif", "csv", "md", "tex", "json")  # of the files of a product
 
@@ -23,15 +23,11 @@ def begin(paper, namespace):
     given = (*pages.parameters(paper), *own)
     values = pages.validate(paper, {name: namespace[name] for name in given})
     namespace.update(values)
-    shown = {name: value for name, value in values.items() if name not in pages.EXECUTION}
     folder = pages.destination(paper, values)
-    provenance = {"parameters": shown, "seed": values["seed"], "trials": values["n_trials"]}
-    provenance |= {"digest": pages.digest(paper), "remake": pages.remake(paper, values)}
-    provenance["versions"] = products.versions()
     ledger = None
     if pages.has_ledger(paper):
         ledger = claims.Ledger(paper, strict=not pages.changed(paper, values))
-    return ledger, Run(paper, folder, provenance, background=trials.cores() > 1)
+    return ledger, Run(paper, folder, pages.provenance(paper, values))
 
 
 class Run(figures.Portfolio):
@@ -44,24 +40,14 @@ class Run(figures.Portfolio):
         """
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}
-        for job in self.waiting:
-            self.files |= job.result()
-        if self.pool is not None:
-            self.pool.shutdown()
         files = verdicts | self.files  # a product's JSON is the last of its files
-        folder = self.folder / self.paper
-        products.write(folder, files, old=self._abandoned(folder))
-        judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
-        print(f"{self.paper}: {judged}; {len(files)} files")
-        default = self.provenance.get("remake") == f"tbdcore run {self.paper}"
-        if default if ledger is None else ledger.strict:
-            screen.check(self.paper, self.folder)
-
-    def _abandoned(self, folder):
-        """Files of products of this paper in the folder that this run did not make."""
-        files = []
+        folder, earlier = self.folder / self.paper, []
         for file in folder.glob("*.json"):
             with contextlib.suppress(ValueError):  # it is no record
                 if products.record(file)["paper"] == self.paper:
-                    files += [file.with_suffix(f".{suffix}") for suffix in SUFFIXES]
-        return [file for file in files if file.name not in self.files]
+                    earlier += [file.with_suffix(f".{suffix}") for suffix in SUFFIXES]
+        products.write(folder, files, old=[file for file in earlier if file.name not in files])
+        judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
+        print(f"{self.paper}: {judged}; {len(files)} files")
+        if self.provenance.get("remake") == f"tbdcore run {self.paper}":  # the default run
+            screen.check(self.paper, self.folder)

@@ -9,9 +9,9 @@ import contextlib
 
 import pandas as pd
 
-from tbdcore.repro import cite, claims, pages, paths, products
+from tbdcore.repro import cite, claims, front, pages, paths, products
 
-BEGIN, END = "<!-- scorecard -->\n", "<!-- /scorecard -->"
+BEGIN, END = front.BEGIN, front.END
 STEADY = 0.9  # share of the seeds below which a verdict is marked
 UNSTEADY = f"other verdict in more than {1 - STEADY:.0%} of the seeds"
 
@@ -28,30 +28,25 @@ def files(folder, readme):
     counts[UNSTEADY] = unsteady.reindex(counts.index, fill_value=0)
     texts = {folder / "scorecard.md": products.markdown(counts.reset_index())}
     texts |= {folder / "figures.bib": cite.bibliography(), folder / "README.md": cite.gallery()}
-    texts |= {paths.README: _readme(every)} if readme else {}
+    if readme:
+        texts |= {paths.README: front.captions(_readme(every), folder)} | front.files(every)
     made = {path: text.encode() for path, text in texts.items()}
     return {folder / "scorecard.csv": products.csv(every)} | made
 
 
-def seeds_file():
-    """The study of the seeds."""
-    return paths.CLAIMS.parent / "seeds.csv"
-
-
 def study():
     """The study: paper, claim, number of seeds, of each verdict, and a number's verdict on all
-    trials together; empty without one.
-
-    ValueError when the file is no such table.
+    trials together; empty without one, ValueError when the file is no such table.
     """
     columns = ["paper", "claim", "seeds", *claims.JUDGED, "together"]
-    table = pd.DataFrame(columns=columns)
-    if seeds_file().is_file():
-        with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
-            table = pd.read_csv(seeds_file(), comment="#")
-        if list(table) != columns or not len(table):
-            wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
-            raise ValueError(f"{seeds_file()}: {wrong}")
+    if not paths.SEEDS.is_file():
+        return pd.DataFrame(columns=columns)
+    table = pd.DataFrame()
+    with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
+        table = pd.read_csv(paths.SEEDS, comment="#")
+    if list(table) != columns or not len(table):
+        wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
+        raise ValueError(f"{paths.SEEDS}: {wrong}")
     return table
 
 
@@ -88,7 +83,8 @@ def _readme(every):
     if not found:
         lines = f"{BEGIN.strip()} and {END.strip()}"
         raise ValueError(f"README.md: {lines} are missing; the table of papers goes between them")
-    return f"{before}{BEGIN}{products.markdown(_papers(every))}{_together(every)}{END}{after}"
+    said = front.depending(every) + _together(every)
+    return f"{before}{BEGIN}{products.markdown(_papers(every))}{said}{END}{after}"
 
 
 def _together(every):

@@ -51,12 +51,44 @@ def outcome(paper, rows):
     """The table of a first screen: for each row what, published, measured, verdict; `rows` maps
     what is measured, in words, to the id of its claim.
     """
-    return Table(_show(paper, "outcome", partial(_outcome, paper, dict(rows))))
+
+    def table(folder):
+        head = "| | published | here | verdict |\n|---|---|---|---|\n"
+        try:
+            found = claims.verdicts(paper, folder).set_index("id")
+        except (FileNotFoundError, ValueError):
+            lines = "".join(f"| {what} | | | not yet run |\n" for what in rows)
+            return f"{head}{lines}\n*Not yet run.*\n"
+        about, lines = next(map(products.record, sorted((folder / paper).glob("*.json"))), None), []
+        for what, id in rows.items():
+            if id not in found.index:
+                raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
+            row = found.loc[id]
+            kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
+            own = about and row["n"] not in ("", str(about["trials"]))  # another number of trials
+            here = with_error(row["measured"], row["se"]) + (f" (n = {row['n']})" if own else "")
+            lines.append(f"| {what} | {row['published']} | {here} | {row['verdict']}{kind} |\n")
+        known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
+        return f"{head}{''.join(lines)}\n*Default run{known}; ± one standard error.*\n"
+
+    return Table(_show(paper, "outcome", table))
+
+
+def advice(paper):
+    """The advice of a paper for its first screen: do, when, instead of what, and the gain."""
+
+    def table(folder):
+        rows = read_advice([paper], folder).rename(columns={"instead_of": "instead of"})
+        rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
+        caption = _table(f"{paper}/advice", folder)[1] or "Not yet run."
+        return f"{products.markdown(rows[['do', 'when', 'instead of', 'gain']])}\n*{caption}*\n"
+
+    return Table(_show(paper, "advice", table))
 
 
 def exhibit(id):
     """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
-    text, caption = _show(id.partition("/")[0], id, partial(_text, id))
+    text, caption = _show(id.partition("/")[0], id, partial(_table, id))
     file = paths.PRODUCTS / f"{id}.png"
     if text:
         return Table(f"{text.partition('-->')[2].strip()}\n\n*{caption}*")
@@ -65,57 +97,25 @@ def exhibit(id):
     return Exhibit(id, caption, file.read_bytes())
 
 
-def advice(paper):
-    """The advice of a paper for its first screen: do, when, instead of what, and the gain."""
-    return Table(_show(paper, "advice", partial(_advice, paper)))
-
-
-def check(paper, folder):
-    """Raise RuntimeError when the first screen showed other things than those in a folder."""
-    parts = [part for (owner, _), part in _SHOWN.items() if owner == paper]
-    if any(shown != render(folder) for render, shown in parts):
-        raise RuntimeError(f"{paper}: first screen is stale; run again")
-
-
-def _show(paper, part, render):
-    """A part of a first screen, made from the committed products and kept for `check`."""
-    shown = render(paths.PRODUCTS)
-    _SHOWN[paper, part] = render, shown
-    return shown
-
-
-def _outcome(paper, rows, folder):
-    head = "| | published | here | verdict |\n|---|---|---|---|\n"
-    try:
-        found = claims.verdicts(paper, folder).set_index("id")
-    except (FileNotFoundError, ValueError):
-        lines = "".join(f"| {what} | | | not yet run |\n" for what in rows)
-        return f"{head}{lines}\n*Not yet run.*\n"
-    about, lines = next(map(products.record, sorted((folder / paper).glob("*.json"))), None), []
-    for what, id in rows.items():
-        if id not in found.index:
-            raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
-        row = found.loc[id]
-        kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
-        own = about and row["n"] not in ("", str(about["trials"]))  # another number of trials
-        measured = with_error(row["measured"], row["se"]) + (f" (n = {row['n']})" if own else "")
-        lines.append(f"| {what} | {row['published']} | {measured} | {row['verdict']}{kind} |\n")
-    known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
-    return f"{head}{''.join(lines)}\n*Default run{known}; ± one standard error.*\n"
-
-
-def _text(id, folder):
+def _table(id, folder):
     """Table and caption of a product, each empty where there is none."""
     about, table = folder / f"{id}.json", folder / f"{id}.md"
     text = table.read_text(encoding="utf-8") if table.is_file() else ""
     return text, products.record(about)["caption"] if about.is_file() else ""
 
 
-def _advice(paper, folder):
-    rows = read_advice([paper], folder).rename(columns={"instead_of": "instead of"})
-    rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
-    caption = _text(f"{paper}/advice", folder)[1] or "Not yet run."
-    return f"{products.markdown(rows[['do', 'when', 'instead of', 'gain']])}\n*{caption}*\n"
+def _show(paper, part, make):
+    """A part of a first screen, made from the committed products and kept for `check`."""
+    shown = make(paths.PRODUCTS)
+    _SHOWN[paper, part] = make, shown
+    return shown
+
+
+def check(paper, folder):
+    """Raise RuntimeError when the first screen showed other things than those in a folder."""
+    parts = [part for (owner, _), part in _SHOWN.items() if owner == paper]
+    if any(shown != make(folder) for make, shown in parts):
+        raise RuntimeError(f"{paper}: first screen is stale; run again")
 
 
 def with_error(measured, se):
@@ -138,16 +138,12 @@ def this_run(ledger, rows):
     lines = []
     for what, row in rows.items():
         id, *measured = (row,) if isinstance(row, str) else row
-        known = ledger.claims if measured else ledger.verdicts
-        if id and id not in known:
-            wrong = "no claim" if measured else "no claim judged so far"
-            near = claims.nearest(id, known)
-            raise ValueError(f"{ledger.paper}: {wrong} {id!r}; the nearest is {near!r}")
-        if measured:
-            printed, found = claims.published(known[id]) if id else "", _number(*measured)
-        else:
-            printed, found = known[id].published, with_error(known[id].measured, known[id].se)
-        lines.append((what, printed, found))
+        if not measured:
+            judged = ledger.named(id, ledger.verdicts, "claim judged so far")
+            lines.append((what, judged.published, with_error(judged.measured, judged.se)))
+            continue
+        printed = claims.published(ledger.named(id, ledger.claims)) if id else ""
+        lines.append((what, printed, _number(*measured)))
     frame = pd.DataFrame(lines, columns=["", "published", "this run"])
     return Table(f"{products.markdown(frame)}\n*± one standard error.*\n")
 
@@ -164,7 +160,7 @@ def check_table(where, frame, figures):
     for number, row in enumerate(frame.to_dict("records"), start=1):
         for column, value in row.items():
             if wrong := _fault(column, value, row, figures):
-                raise ValueError(f"{where}, row {number}, column {column}: {value!r} {wrong}")
+                raise claims.fault(where, number, column, f"{value!r} {wrong}")
 
 
 def _fault(column, value, row, figures):

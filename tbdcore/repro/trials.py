@@ -22,9 +22,9 @@ from tbdcore.repro.processes import end_with_parent
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
 SHARES = 3  # a chunk is this part of a worker's share of the trials that are left
-ANSWER = 5  # seconds that a scheduler may take to answer
-PATIENCE = 10  # seconds that a scheduler without a worker may take to get one
-DAY = 86400  # seconds an idle process waits; loky prints a warning when one leaves as work arrives
+CONNECT_TIMEOUT = 5  # seconds that a scheduler may take to answer
+WORKER_TIMEOUT = 10  # seconds that a scheduler without a worker may take to get one
+IDLE_TIMEOUT = 86400  # seconds, a day; loky prints a warning when one leaves as work arrives
 
 
 def generator(seed, paper, experiment, trial, purpose):
@@ -86,19 +86,8 @@ def _executor(executor, workers, scheduler):
 
         # kept between runs, each process with one thread for linear algebra
         one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        yield get_reusable_executor(workers or cores(), env=one, **_life())
-
-
-def process():
-    """An executor with one process, which the caller shuts down."""
-    from loky import ProcessPoolExecutor
-
-    return ProcessPoolExecutor(1, **_life())
-
-
-def _life():
-    """Options of processes that wait for work for a day and end when this one does."""
-    return {"timeout": DAY, "initializer": end_with_parent, "initargs": (os.getpid(),)}
+        life = {"timeout": IDLE_TIMEOUT, "initializer": end_with_parent, "initargs": (os.getpid(),)}
+        yield get_reusable_executor(workers or cores(), env=one, **life)
 
 
 @contextlib.contextmanager
@@ -113,13 +102,13 @@ def _client(address):
     if not re.fullmatch(r"(\w+://)?[\w.\-\[\]]+:\d+|inproc://\S+", address):
         raise ConnectionError(f"{where}: no address of a dask scheduler; {advice}")
     try:
-        client = Client(address, timeout=ANSWER, set_as_default=False)
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:  # a timeout among them
         wrong = f"no dask scheduler answers there ({type(error).__name__})"
         raise ConnectionError(f"{where}: {wrong}; {advice}") from None
     with client:
         try:
-            client.wait_for_workers(1, timeout=PATIENCE)
+            client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
         except TimeoutError:
             advice = f"start one: dask worker {address}"
             raise ConnectionError(f"{where}: it has no worker; {advice}") from None

@@ -4,13 +4,15 @@ import json
 import re
 import shutil
 import subprocess
+import tarfile
 import tomllib
+import zipfile
 
 import pandas as pd
 import pytest
 import tiny
 
-from tbdcore.repro import cite, cli, paths, products
+from tbdcore.repro import cite, cli, clone, paths, products
 
 ALL = tomllib.loads((tiny.ROOT / "data" / "papers.toml").read_text(encoding="utf-8"))
 
@@ -391,3 +393,160 @@ def test_a_bad_line_of_retired_ids_is_named(execute, capsys, tmp_path, line, wor
     code, out, err = tbdcore(capsys, "cite", "tiny/fig7")
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert f"retired.csv, {words}" in err
+
+
+# The clone -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("remote", "page"),
+    [
+        ("git@example.org:a/b.git", "https://example.org/a/b"),
+        ("example.org:a/b.git", "https://example.org/a/b"),
+        ("ssh://git@example.org:2222/a/b.git", "https://example.org/a/b"),
+        ("git://example.org/a/b", "https://example.org/a/b"),
+        ("https://name:secret@example.org/a/b.git", "https://example.org/a/b"),
+        ("http://example.org:8080/a/b/", "http://example.org:8080/a/b"),
+        ("/srv/b.git", ""),
+        ("../b", ""),
+        ("file:///srv/b.git", ""),
+        ("C:/b.git", ""),
+        ("", ""),
+    ],
+)
+def test_the_page_of_a_remote(remote, page):
+    assert clone.browsable(remote) == page
+
+
+def git(folder, *words):
+    name = ["-c", "user.name=A", "-c", "user.email=a@example.org"]
+    done = subprocess.run(
+        ["git", *name, *words], cwd=folder, check=True, capture_output=True, text=True
+    )
+    return done.stdout.strip()
+
+
+@pytest.fixture
+def cloned(execute, tmp_path):
+    """The small repository as a git clone with a remote that has its one commit."""
+    (tmp_path / "figures" / "retired.csv").write_text("id,last_commit,instead")
+    git(tmp_path, "init", "-q", "-b", "main")
+    git(tmp_path, "add", ".")
+    git(tmp_path, "commit", "-q", "-m", "All")
+    git(tmp_path, "remote", "add", "origin", "git@example.org:a/b_c.git")
+    git(tmp_path, "update-ref", "refs/remotes/origin/main", "HEAD")
+    return tmp_path
+
+
+def ours(capsys, *words):
+    """The lines before the entries of a command, and the fields of this repository's entry."""
+    code, out, err = tbdcore(capsys, "cite", *words, "--bibtex")
+    assert (code, err) == (0, "")
+    said = [line for line in out.splitlines() if line.startswith("%")]
+    return said, bibtex(out)["tbdcore"][1]
+
+
+def test_an_entry_names_address_commit_and_what_is_cited(cloned, capsys):
+    said, fields = ours(capsys, "tiny/fig1")
+    commit = git(cloned, "rev-parse", "HEAD")[:12]
+    assert said == []
+    assert fields["howpublished"] == r"https://example.org/a/b\_c"
+    assert fields["note"] == f"commit {commit}, figure tiny/fig1"
+    assert {"author", "title", "year", "version"} <= set(fields)
+    assert ours(capsys, "tiny/table1")[1]["note"] == f"commit {commit}, table tiny/table1"
+    assert ours(capsys)[1]["note"] == f"commit {commit}"
+
+
+def rename(folder):
+    (folder / ".git").rename(folder / "no_git")
+
+
+@pytest.mark.parametrize(
+    ("harm", "line", "lost"),
+    [
+        (rename, "no address and no commit: this folder is no git clone", "howpublished note"),
+        (
+            lambda folder: git(folder, "remote", "remove", "origin"),
+            "no address: this clone has no remote",
+            "howpublished",
+        ),
+        (
+            lambda folder: git(folder, "remote", "set-url", "origin", "/srv/b.git"),
+            "no address: the remote origin is no address on the network",
+            "howpublished",
+        ),
+        (
+            lambda folder: git(folder, "update-ref", "-d", "refs/remotes/origin/main"),
+            "no branch of the remote known here has this commit",
+            "",
+        ),
+        (
+            lambda folder: git(folder, "update-ref", "-d", "HEAD"),
+            "no commit: this clone has none yet",
+            "note",
+        ),
+        (
+            lambda folder: (folder / "figures" / "retired.csv").write_text(RETIRED),
+            "files have changed since this commit",
+            "",
+        ),
+    ],
+)
+def test_what_git_does_not_know_is_said_in_one_line(cloned, capsys, harm, line, lost):
+    harm(cloned)
+    (said,), fields = ours(capsys)
+    assert said.startswith(f"% {line}")
+    assert {"howpublished", "note"} - set(fields) == set(lost.split())
+    changed = "changed" in line
+    assert fields.get("note", "").endswith(" with changes") == changed
+
+
+def test_without_git_a_line_says_so(cloned, capsys, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    assert ours(capsys)[0] == ["% no address and no commit: git is not installed"]
+
+
+def test_a_folder_in_another_clone_is_no_clone(cloned, capsys, monkeypatch):
+    inner = cloned / "inner"
+    inner.mkdir()
+    for name in ("data", "notebooks", "figures", "CITATION.cff"):
+        (cloned / name).rename(inner / name)
+    monkeypatch.setenv("TBDCORE_REPOSITORY", str(inner))
+    assert ours(capsys)[0] == ["% no address and no commit: this folder is no git clone"]
+
+
+def test_the_variables_of_a_git_hook_lead_nowhere_else(cloned, capsys, monkeypatch):
+    monkeypatch.setenv("GIT_DIR", str(cloned / "elsewhere"))
+    assert ours(capsys)[0] == []
+
+
+def test_a_wheel_names_the_address_of_the_clone(cloned):
+    for name in ("README.md", "LICENSE", "LICENSE-TEXT"):
+        shutil.copy(tiny.ROOT / name, cloned / name)
+    tiny.copy_package(cloned)
+    (cloned / "tests" / "kernels").mkdir(parents=True)
+    before = (cloned / "pyproject.toml").read_bytes()
+    (wheel, source), known = clone.build(cloned / "build" / "dist")
+    with zipfile.ZipFile(wheel) as packed:
+        (about,) = [name for name in packed.namelist() if name.endswith("METADATA")]
+        assert "Project-URL: Source, https://example.org/a/b_c" in packed.read(about).decode()
+    with tarfile.open(source) as packed:
+        (about,) = [name for name in packed.getnames() if name.endswith("CITATION.cff")]
+        text = packed.extractfile(about).read().decode()
+    assert 'repository-code: "https://example.org/a/b_c"' in text
+    assert f'commit: "{known.commit}"' in text
+    assert (cloned / "pyproject.toml").read_bytes() == before
+
+
+def test_without_an_address_nothing_is_added():
+    text = paths.CITATION.read_text(encoding="utf-8")
+    assert clone.citation(text, clone.Clone()) == text
+    assert clone.project("[project]\n", clone.Clone(commit="0123abc")) == "[project]\n"
+
+
+def test_what_is_committed_does_not_depend_on_the_clone(cloned):
+    committed = cite.bibliography()
+    git(cloned, "remote", "set-url", "origin", "https://example.org/other/name")
+    assert cite.bibliography() == committed
+    assert "example.org" not in committed
+    assert "commit" not in committed

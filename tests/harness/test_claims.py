@@ -132,6 +132,11 @@ def test_crlf(tmp_path):
     refused(written(tmp_path, *GOOD, end="\r\n"), "row 1", "CR")
 
 
+def test_the_rows_of_a_file_are_counted_from_its_first_line(tmp_path):
+    (tmp_path / "toy.csv").write_bytes(b"\n\n\r\n")
+    refused(tmp_path, "row 3", "CR")
+
+
 def test_byte_order_mark(tmp_path):
     refused(written(tmp_path, "\ufeff" + GOOD[0], *GOOD[1:]), "row 1", "byte-order mark")
 
@@ -312,6 +317,13 @@ def test_a_printed_bound_is_relaxed_by_its_half_digit(tmp_path):
     row = "b,Fig. 4,error,,> 2,cells,bound,Sec. 1,Error less 2,measured,"
     verdict = ledger(tmp_path, HEADER, row).check("b", -0.3, se=0.01, n=100)
     assert (verdict.verdict, verdict.measured, verdict.z) == ("reproduced", "margin 0.200", "20.0")
+
+
+@pytest.mark.parametrize("value", ["> 2", "few"])
+def test_a_rule_may_say_by_how_much_a_bound_is_relaxed(tmp_path, value):
+    row = f"b,Fig. 4,error,,{value},cells,bound,Sec. 1,Error less 2; half = 0.25,measured,"
+    verdict = ledger(tmp_path, HEADER, row).check("b", -0.2, se=0.01, n=100)
+    assert (verdict.verdict, verdict.measured) == ("reproduced", "margin 0.050")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The command line: exit codes, errors of one line, and the scorecard."""
 
+import json
 import shlex
 import subprocess
 import sys
@@ -273,7 +274,7 @@ def test_list_names_the_papers(repository, capsys):
 def test_a_paper_is_named_by_its_key_its_number_or_its_notebook(inside, capsys, monkeypatch, word):
     seen = []
     monkeypatch.setattr(batch, "run", lambda paper, *_, **__: seen.append(paper) or DONE)
-    monkeypatch.setattr(batch, "sweep", lambda paper, *_, **__: seen.append(paper) or iter([DONE]))
+    monkeypatch.setattr(batch, "tabulate", lambda paper, *_: None)
     for words in (["list", word], ["run", word], ["sweep", word, "shift=1"], ["cite", word]):
         assert cli.main(words) == 0
     assert seen == ["tiny", "tiny"]
@@ -309,7 +310,7 @@ def test_advice_that_is_followed_leads_on(inside, capsys, monkeypatch, words, ad
     """The words of the advice are those of the error."""
     monkeypatch.chdir(inside)
     monkeypatch.setattr(batch, "run", lambda *_, **__: DONE)
-    monkeypatch.setattr(batch, "sweep", lambda *_, **__: iter([DONE] * 2))
+    monkeypatch.setattr(batch, "tabulate", lambda *_: None)
     error = said(capsys, 2, *words.split())
     assert advice.split()[-1].partition("=")[0] in error
     if "--help" in advice:
@@ -333,6 +334,26 @@ def test_where_build_cannot_be_written_the_folder_of_out_takes_its_place(
     assert f"executed notebooks go to {build}\n" in capsys.readouterr().out
     assert seen[0][2] == build / "01_tiny.ipynb"
     assert repository / "build" == paths.BUILD, "for one command only"
+
+
+def test_in_place_refreshes_the_notebook_as_it_is_committed(inside, monkeypatch):
+    """Indented by one blank, letters as they are, without what papermill adds."""
+    notebook = inside / "notebooks" / "01_tiny.ipynb"
+    made = json.loads(tiny.notebook(tiny.CELLS | {"algorithm": "print('σ')"}))
+
+    def executed(paper, values, output, **_):
+        output.parent.mkdir(exist_ok=True)
+        output.write_text(json.dumps(made | {"metadata": {"papermill": {}}}))
+        return DONE._replace(notebook=str(output))
+
+    monkeypatch.setattr(batch, "run", executed)
+    assert cli.main(["run", "--in-place"]) == 0
+    expected = json.dumps(pages.clean(made), indent=1, ensure_ascii=False)
+    assert notebook.read_text(encoding="utf-8") == f"{expected}\n"
+    monkeypatch.setattr(batch, "run", lambda *_, **__: DONE._replace(status=1, error="tiny: bad"))
+    before = notebook.read_bytes()
+    assert cli.main(["run", "--in-place"]) == 1
+    assert notebook.read_bytes() == before
 
 
 def test_list_of_a_paper_shows_parameters_and_products(inside, capsys):

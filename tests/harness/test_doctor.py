@@ -132,6 +132,17 @@ def test_the_advice_on_packages_is_a_command(monkeypatch, tmp_path):
     run([*shlex.split(advice("packages")), "--no-index", "--dry-run"])
 
 
+@pytest.mark.parametrize(("count", "more"), [(3, None), (4, "1"), (5, "2")])
+def test_three_packages_are_named_and_the_others_counted(monkeypatch, count, more):
+    names = ["numpy", "scipy", "numba", "pandas", "matplotlib"][:count]
+    monkeypatch.setattr(doctor, "locked", lambda text: dict.fromkeys(names, "0.1"))
+    good, found = doctor.packages()
+    assert not good
+    assert [name for name in names if f"{name} is " in found] == names[:3]
+    said = re.search(r" and (\d+) more;", found)
+    assert (said and said[1]) == more
+
+
 def test_the_advice_on_the_kernel_makes_it(monkeypatch, tmp_path):
     with monkeypatch.context() as planted:
         no_kernel(planted, tmp_path)

@@ -11,14 +11,26 @@ import pytest
 
 from tbdcore.repro import pages, paths
 
-FOLDERS = {".ci", "benchmarks", "data", "docs", "figures", "notebooks", "tbdcore", "tests"}
+FOLDERS = {
+    ".ci",
+    ".github",
+    "benchmarks",
+    "data",
+    "docs",
+    "figures",
+    "notebooks",
+    "tbdcore",
+    "tests",
+}
 FILES = {
     ".gitignore",
+    "CHANGELOG.md",
     "CITATION.cff",
     "LICENSE",
     "LICENSE-TEXT",
     "Makefile",
     "README.md",
+    "README.zh.md",
     "environment.txt",
     "pyproject.toml",
 }
@@ -169,6 +181,7 @@ def test_the_top_level_holds_what_the_readme_lists():
 def test_every_folder_explains_itself():
     for folder in FOLDERS - {
         ".ci",
+        ".github",
         "tbdcore",
     }:  # scripts with a heading each; a package with a docstring
         assert (paths.ROOT / folder / "README.md").is_file(), folder
@@ -237,15 +250,6 @@ def test_the_layout_names_every_module():
     text = (paths.ROOT / "docs" / "running.md").read_text(encoding="utf-8")
     for module in {*CORE, *HARNESS} - {"__init__", "paths"}:
         assert re.search(rf"\b{module}\b", text), module
-
-
-def test_the_sample_in_the_readme_is_that_of_the_chapter():
-    """Its rows are those of the first screen of 01, as committed."""
-    chapter = paths.NOTEBOOKS.joinpath("01_dp_tbd.ipynb").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| (?!-|paper)(.+ \|)$", paths.README.read_text("utf-8"), re.MULTILINE)
-    sample = [row for row in rows if "notebooks/" not in row and "published" not in row]
-    assert len(sample) == 2
-    assert all(row in chapter for row in sample)
 
 
 def test_every_link_of_the_readme_leads_somewhere():

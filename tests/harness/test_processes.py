@@ -68,7 +68,7 @@ def test_a_call_ends_what_its_command_has_started(tmp_path, monkeypatch):
         if log.read_text():
             processes.came.append(signal.SIGINT)
 
-    monkeypatch.setattr(processes, "TICK", 0.1)
+    monkeypatch.setattr(processes, "POLL_INTERVAL", 0.1)
     monkeypatch.setattr(processes, "came", [])
     with pytest.raises(KeyboardInterrupt):
         processes.call(sleeper("import time; time.sleep(99)"), os.environ, log, tick)
@@ -79,7 +79,7 @@ def test_a_call_ends_what_its_command_has_started(tmp_path, monkeypatch):
 
 def test_a_process_that_has_ended_is_not_waited_for(monkeypatch):
     """A zombie, whose parent takes no note of it: without a look at its status this would hang."""
-    monkeypatch.setattr(processes, "NOTICE", 1e6)
+    monkeypatch.setattr(processes, "GRACE_PERIOD", 1e6)
     with subprocess.Popen([sys.executable, "-c", ""], stdout=subprocess.PIPE) as child:
         child.stdout.read()  # until it ends
         process = psutil.Process(child.pid)
@@ -98,7 +98,7 @@ def test_a_process_has_time_to_end():
 
 
 def test_a_process_that_does_not_listen_is_killed(monkeypatch):
-    monkeypatch.setattr(processes, "NOTICE", 0.05)
+    monkeypatch.setattr(processes, "GRACE_PERIOD", 0.05)
     deaf = "import signal, time; signal.signal(15, 1); print(flush=True); time.sleep(99)"
     with subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE) as child:
         child.stdout.readline()

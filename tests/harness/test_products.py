@@ -233,6 +233,22 @@ def test_columns_of_numbers_are_aligned_to_the_right():
     assert products.latex(frame).startswith(r"\begin{tabular}{lrr}")
 
 
+@pytest.mark.parametrize(
+    ("header", "column", "head"),
+    [
+        ("error, m", 1.0, "error, m"),
+        ("mean error, m", 1.0, r"\shortstack[r]{mean \\ error, m}"),
+        ("mean error, m", "a longer text", "mean error, m"),
+        ("all of the words of a head", "text", r"\shortstack[l]{all of \\ the words \\ of a head}"),
+        ("$a$ of all the words", 1.0, "$a$ of all the words"),
+    ],
+)
+def test_a_header_wider_than_its_column_is_broken(header, column, head):
+    """A column is nine letters wide at least; mathematics stays whole."""
+    text = products.latex(pd.DataFrame({header: [column]}))
+    assert text.splitlines()[2] == rf"{head} \\"
+
+
 def test_letters_that_pdftex_cannot_set_become_mathematics():
     assert products.tex("λ ≤ 2 & $λ$") == r"\ensuremath{\lambda} \ensuremath{\le} 2 \& $λ$"
 

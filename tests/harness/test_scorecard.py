@@ -23,7 +23,13 @@ def folder(repository):
 
 def test_a_row_that_depends_is_counted_and_listed(folder):
     assert cli.main(["score"]) == 0
-    (line,) = (each for each in paths.README.read_text().splitlines() if "01_tiny" in each)
+    (said, line) = sorted(
+        each for each in paths.README.read_text().splitlines() if "01_tiny" in each
+    )
+    assert (
+        said
+        == "On a [reading](data/readings.csv) depend [01_tiny](notebooks/01_tiny.ipynb) `mean`."
+    )
     assert "| 2 | 1 | 0 | 1 | 0 | 1 untestable |" in line
     card = pd.read_csv(folder / "figures" / "scorecard.csv").set_index("id")
     assert list(card["readings"].dropna()) == ["1 of 2: all reproduced, half differs"]
@@ -48,3 +54,10 @@ def test_one_sentence_names_the_rows_that_all_seeds_together_change(folder, toge
     (folder / "data" / "seeds.csv").write_text(f"{SEEDS}tiny,order,10,9,1,0,0,{together}\n")
     assert cli.main(["score"]) == 0
     assert paths.README.read_text().splitlines()[-2:] == [said, "<!-- /scorecard -->"]
+
+
+def test_the_papers_own_figures_and_tables_come_first_in_their_order(folder):
+    names = ["fig1", "fig2", "fig10", "table1", "table2", "advice", "beyond_gain", "open_births"]
+    for name in reversed(names):
+        (folder / "figures" / "tiny" / f"{name}.json").write_text("{}")
+    assert cite.ids("tiny") == [f"tiny/{name}" for name in names]

@@ -151,7 +151,7 @@ def test_fewer_cores_when_the_environment_says_so(monkeypatch):
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no-such-scheme://here"])
 def test_an_unreachable_scheduler_is_one_line(monkeypatch, address):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(trials, "ANSWER", 0.5)
+    monkeypatch.setattr(trials, "CONNECT_TIMEOUT", 0.5)
     with pytest.raises(ConnectionError) as caught:
         trials.run(walk, 1, seed=0, scheduler=address)
     assert repr(address) in str(caught.value)
@@ -161,7 +161,7 @@ def test_an_unreachable_scheduler_is_one_line(monkeypatch, address):
 
 def test_a_scheduler_without_a_worker_is_one_line(monkeypatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(trials, "PATIENCE", 0.5)
+    monkeypatch.setattr(trials, "WORKER_TIMEOUT", 0.5)
     where = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": "127.0.0.1:0"}
     refused = pytest.raises(ConnectionError, match="it has no worker; start one")
     with (

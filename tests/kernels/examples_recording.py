@@ -7,7 +7,7 @@ from tbdcore.recording import Level
 
 FREE = {
     (f, "frames")
-    for f in ("level", "background", "clipped", "normalise", "normal_scores", "log_ratio", "blocks")
+    for f in ("background", "clipped", "normalise", "normal_scores", "log_ratio", "blocks")
 }
 FREE |= {(f, "frames") for f in ("plots", "blur_of", "bin_cells", "inject")}
 FREE |= {("empirical_law", "noise"), ("inject", "path")}
@@ -18,7 +18,6 @@ def frames(*shape):
 
 
 EXAMPLES = {
-    "level": lambda: {"frames": frames()},
     "background": lambda: {"frames": frames()},
     "clipped": lambda: {"frames": frames(), "law": "gaussian", "size": 5},
     "normalise": lambda: {"frames": frames(), "at": Level(3.0, 1.0)},
@@ -44,6 +43,12 @@ EXAMPLES = {
         "cell": np.array([10.0, 0.25]),
     },
     "merge_plots": lambda: {"scan": np.array([[0.0, 0, 1], [3, 0, 5], [9, 0, 2]]), "distance": 4.0},
+    "starts": lambda: {
+        "scans": [np.array([[0.0, 0], [9, 9]]), np.array([[1.0, 0]]), np.array([[2.0, 0], [5, 5]])],
+        "t": np.array([0.0, 1.0, 2.0]),
+        "fastest": 8.0,
+        "sigma": 0.5,
+    },
     "blur_of": lambda: {"frames": frames(20, 12, 12), "law": "gaussian", "eta": 4.0, "half": 2},
     "bin_cells": lambda: {"frames": frames(), "n": 2},
     "inject": lambda: {

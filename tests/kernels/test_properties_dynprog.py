@@ -34,9 +34,9 @@ def test_margin(values, width):
 def transition(family, position, velocity, lowest, V, width):
     """The transition, or None after a ValueError of one line."""
     position, velocity = np.array(position, float), np.array(velocity, float)
-    weights = {"box": (position,), "coupled": (np.outer(position, velocity),)}.get(
-        family, (position, velocity)
-    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        table = np.outer(position, velocity)
+    weights = {"box": (position,), "coupled": (table,)}.get(family, (position, velocity))
     make = getattr(dynprog, f"{family}_transition")
     return result(make, *weights, (lowest, lowest + V - 1), width)
 

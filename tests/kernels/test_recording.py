@@ -31,9 +31,8 @@ TRUE = {"gaussian": (5.0, 2.0), "exponential": (3.0, 3.0)}
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("estimate", [recording.level, recording.clipped])
-def test_level_and_spread_in_spite_of_a_bright_place(estimate, law):
-    assert estimate(draw(law), law) == pytest.approx(TRUE[law], rel=0.01)
+def test_level_and_spread_in_spite_of_a_bright_place(law):
+    assert recording.clipped(draw(law), law) == pytest.approx(TRUE[law], rel=0.01)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -41,8 +40,7 @@ def test_gaps_do_not_move_the_level(law):
     z = draw(law)
     holes = noise.with_gaps(z, 0.3, rng())
     holes[rng().random(z.shape) < 0.2] = np.nan
-    for estimate in (recording.level, recording.clipped):
-        assert estimate(holes, law) == pytest.approx(estimate(z, law), rel=0.02)
+    assert recording.clipped(holes, law) == pytest.approx(recording.clipped(z, law), rel=0.02)
     near = recording.clipped(holes, law, 11)
     assert np.isnan(near.mean[np.isnan(holes).all(axis=(1, 2))]).all()
     assert np.nanmedian(near.mean) == pytest.approx(TRUE[law][0], rel=0.02)
@@ -58,7 +56,7 @@ def test_windows_follow_a_slope(law):
     flat = recording.normalise(z, recording.clipped(z, law, 13), law)
     flat[:, 28:35, 18:25] = np.nan
     for part in (flat[:, 5:25], flat[:, 38:55]):
-        assert recording.level(part, law) == pytest.approx(
+        assert recording.clipped(part, law) == pytest.approx(
             ((0.0, 1.0), (1.0, 1.0))[law != "gaussian"], abs=0.05
         )
 
@@ -96,7 +94,7 @@ def test_what_is_no_law_is_refused(use, law):
 
 def test_negative_power_is_refused():
     with pytest.raises(ValueError, match="not decibels"):
-        recording.level(-noise.exponential((2, 3, 4), rng()), "exponential")
+        recording.clipped(-noise.exponential((2, 3, 4), rng()), "exponential")
 
 
 # Any law of the noise
@@ -241,6 +239,37 @@ def test_plots_of_one_ship_become_one():
     heavy = recording.merge_plots(scan, 3.5, weights=[1.0, 1, 1, 2])
     assert heavy[0].tolist() == pytest.approx([15 / 4, 0.0, 14 / 4])
     assert recording.merge_plots(np.empty((0, 2)), 3.5).shape == (0, 2)
+
+
+def test_starts_are_straight_lines_of_three_plots():
+    t, v = np.array([0.0, 1.6, 3.5]), np.array([3.0, -1.0])
+    scans = [np.array([[100.0, 50, 7]]) + [*(v * s), 0] for s in t]
+    scans[0] = np.r_[scans[0], [[90.0, 51, 7]]]  # on a line with the last two, but too fast
+    scans[2] = np.r_[scans[2], [[100.0, 70, 7]]]  # on no line
+    x, P = recording.starts(scans, t, 5.0, 1.0)
+    assert x == pytest.approx(np.array([[110.5, 3.0, 46.5, -1.0]]))
+    errors = rng().standard_normal((40_000, 3, 2)) * 2.0
+    z = errors + v * t[:, None]
+    found = np.array([z[:, 2], (z[:, 2] - z[:, 0]) / 3.5])[..., 0]
+    assert recording.starts(scans, t, 5.0, 2.0)[1][0, :2, :2] == pytest.approx(
+        np.cov(found), rel=0.05
+    )
+    assert P[0, :2, 2:] == pytest.approx(0.0)
+    for gap in ([None, *scans[1:]], [scans[0], None, scans[2]], [*scans[:2], None]):
+        assert [a.shape for a in recording.starts(gap, t, 5.0, 1.0)] == [(0, 4), (0, 4, 4)]
+    for bad in (scans[:2], [*scans[:2], np.ones((2, 1))]):
+        with pytest.raises(ValueError, match="recording.starts: "):
+            recording.starts(bad, t, 5.0, 1.0)
+    with pytest.raises(ValueError, match="t that rises"):
+        recording.starts(scans, t[::-1], 5.0, 1.0)
+
+
+def test_three_true_plots_in_a_hundred_are_on_no_line():
+    hits = [
+        len(recording.starts(list(2.0 * rng(s).standard_normal((3, 1, 2))), [0, 1, 2], 9.0, 2.0)[0])
+        for s in range(500)
+    ]
+    assert 0.95 < np.mean(hits) <= 1.0  # 1 - exp(-9 / 2) = 0.989
 
 
 @pytest.mark.parametrize("law", LAWS)

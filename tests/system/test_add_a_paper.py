@@ -1,68 +1,114 @@
 """docs/add_a_paper.md, followed to the letter in a copy of the repository."""
 
-import json
 import re
 import shutil
 import subprocess
 import sys
 
+import pandas as pd
 import pytest
 import tiny
 
-from tbdcore.repro import paths
+from benchmarks import seeds
+from tbdcore.repro import cli, paths
 
 TEXT = (paths.root() / "docs" / "add_a_paper.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w*) ?([\w-]*)\n(.*?)```", TEXT, re.S)
 COPIED = ("data", "notebooks", "figures", "README.md", "CITATION.cff", "environment.txt")
+# what needs more than an example: other chapters' products, twenty rows, a page test
+NOT_HERE = "sources or trials_that_its_rule_names"
 
 
 def blocks(language):
     return [(tag, text) for kind, tag, text in BLOCKS if kind == language]
 
 
-def cell(tag, text):
-    metadata = {"tags": [tag]} if tag else {}
-    kept = {"cell_type": "code", "execution_count": None, "outputs": [], "metadata": metadata}
-    return kept | {"source": text.strip()}
+def commands():
+    """The commands of the text, each as words without the first one."""
+    lines = "".join(text for _, text in blocks("")).strip().splitlines()
+    return [line.split("#")[0].split()[1:] for line in lines]
 
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
-    """A copy of the repository with the files that the text gives."""
+    """A copy of the repository with the chapter of the text, and how each command ended."""
     folder = tmp_path_factory.mktemp("copy")
     tiny.copy_package(folder)
     for name in COPIED:
         whole = shutil.copytree if (paths.root() / name).is_dir() else shutil.copy
         whole(paths.root() / name, folder / name)
-    (folder / "data/claims/square_law.csv").write_text(blocks("text")[0][1], encoding="utf-8")
-    with (folder / "data/papers.toml").open("a", encoding="utf-8") as bibliography:
-        bibliography.write("\n" + blocks("toml")[0][1])
-    (_, declare), *cells = blocks("python")
-    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    notebook = {"cells": [cell(*each) for each in cells], "metadata": {"kernelspec": kernel}}
-    notebook |= {"nbformat": 4, "nbformat_minor": 4}
-    (folder / "notebooks/07_square_law.ipynb").write_text(json.dumps(notebook), encoding="utf-8")
+    (folder / "docs").mkdir()
+    shutil.copy(paths.root() / "docs" / "add_a_paper.md", folder / "docs")
+    begin, *others = commands()
+    assert begin == ["new", "square_law"]
+    codes = [tiny.run(folder, *begin)]
+    ((_, declare),) = [block for block in blocks("python") if block[0] == "declare"]
     python = [sys.executable, "-c", declare]
     subprocess.run(python, cwd=folder, env=tiny.environment(folder), check=True)
-    return folder
+    for words in others:
+        if "index" not in words:  # it has tests of its own, and nothing here depends on it
+            codes.append(tiny.run(folder, *words))
+    return folder, codes
 
 
 def test_the_commands_of_the_text_make_a_chapter(copy):
-    commands = [line.split("#")[0].split()[1:] for line in blocks("")[0][1].strip().splitlines()]
-    codes = {}
-    for number, words in enumerate(commands):
-        if "index" not in words:  # it has tests of its own, and nothing here depends on it
-            done = tiny.run(copy, *words)
-            codes[number] = done.returncode, done.stderr
-    stale = codes.pop(1)
-    assert stale[0] == 1
-    assert "first screen is stale; run again" in stale[1]
-    assert [code for code, _ in codes.values()] == [0] * len(codes), codes
-    verdicts = (copy / "figures/square_law/verdicts.csv").read_text(encoding="utf-8")
+    folder, (new, quick, stale, *others) = copy
+    assert (new.returncode, quick.returncode) == (0, 0), new.stderr + quick.stderr
+    assert stale.returncode == 1
+    assert "first screen is stale; run again" in stale.stderr
+    assert [done.returncode for done in others] == [0] * len(others), others
+    verdicts = (folder / "figures/square_law/verdicts.csv").read_text(encoding="utf-8")
     assert re.findall(r"(used|reproduced),,(?:measured|),$", verdicts, re.M) == [
         "used",
         "reproduced",
         "reproduced",
     ]
-    assert "square_law" in (copy / "README.md").read_text(encoding="utf-8")
-    assert "@misc{square_law," in (copy / "figures/figures.bib").read_text(encoding="utf-8")
+    assert "square_law" in (folder / "README.md").read_text(encoding="utf-8")
+    assert "@misc{square_law," in (folder / "figures/figures.bib").read_text(encoding="utf-8")
+
+
+def test_the_new_chapter_meets_the_tests_of_all_chapters(copy):
+    folder, _ = copy
+    tests = str(paths.root() / "tests" / "pages" / "test_notebooks.py")
+    chosen = ["-k", f"square_law and not ({NOT_HERE})", "-p", "no:cacheprovider"]
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", tests, *chosen],
+        cwd=folder,
+        env=tiny.environment(folder),
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stdout[-3000:]
+    assert int(re.search(r"(\d+) passed", run.stdout)[1]) >= 20
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("dp_tbd", "there is such a chapter"),
+        ("index", "there is such a chapter"),
+        ("Square", "no name of a paper"),
+        ("../x", "no name of a paper"),
+    ],
+)
+def test_a_name_that_cannot_be_is_refused_and_nothing_is_written(name, says, capsys):
+    before = paths.BIBLIOGRAPHY.read_bytes()
+    assert cli.main(["new", name]) == 2
+    assert says in capsys.readouterr().err
+    assert paths.BIBLIOGRAPHY.read_bytes() == before
+
+
+def test_the_seeds_of_one_paper_leave_the_rows_of_the_others():
+    old = pd.DataFrame({"paper": ["dp_tbd", "mda_tbd", "mda_tbd"], "claim": ["a", "b", "c"]})
+    new = pd.DataFrame({"paper": ["mda_tbd", "mm_pf_tbd"], "claim": ["d", "e"]})
+    merged = seeds.merged(new, old, ["mda_tbd", "mm_pf_tbd"])
+    assert list(zip(merged["paper"], merged["claim"], strict=True)) == [
+        ("dp_tbd", "a"),
+        ("mm_pf_tbd", "e"),
+        ("mda_tbd", "d"),
+    ]
+
+
+def test_the_text_names_every_test_file_that_it_speaks_of():
+    for name in re.findall(r"`(tests/\S+\.py)`", TEXT):
+        assert (paths.root() / name).is_file() or "square_law" in name, name

@@ -10,12 +10,12 @@ import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
-from urllib.parse import unquote, urlsplit
+from urllib.parse import parse_qsl, unquote, urlsplit
 
 import pytest
 
 from benchmarks.bench_book import BROWSERS
-from tbdcore.repro import cite, claims, pages, paths, scorecard
+from tbdcore.repro import cite, claims, clone, pages, paths, scorecard
 
 pytest.importorskip("playwright", reason="needs docs/environment.txt; run: make book")
 
@@ -46,6 +46,31 @@ FAULTS = r"""async () => {
     scrolls: document.documentElement.scrollWidth - document.documentElement.clientWidth,
     wide: innerWidth < 1000 ? [] : wide.map(e => e.textContent.slice(0, 90)),
   };
+}"""
+# words that are broken in their middle though they fit their box
+BROKEN = r"""() => {
+  const found = [], page = document.querySelector("article") ?? document.body;
+  const walk = document.createTreeWalker(page, NodeFilter.SHOW_TEXT);
+  const boxes = (node, start, text) => {
+    const range = document.createRange();
+    range.setStart(node, start);
+    range.setEnd(node, start + text.length);
+    return [...range.getClientRects()].filter(box => box.width);
+  };
+  for (let node; (node = walk.nextNode()); ) {
+    if (node.parentElement.closest("pre, mjx-container, script, .dt-container")) continue;
+    const box = node.parentElement.closest("td, th, p, li, h1, h2, h3, figcaption, div");
+    for (const part of node.data.matchAll(/\S+/g)) {
+      const whole = boxes(node, part.index, part[0]);
+      const width = whole.reduce((sum, each) => sum + each.width, 0);
+      if (whole.length < 2 || width > 0.9 * box.clientWidth) continue;
+      for (const word of part[0].matchAll(/[\p{Script=Latin}\d_]{4,}/gu)) {
+        const own = boxes(node, part.index + word.index, word[0]);
+        if (new Set(own.map(box => Math.round(box.top))).size > 1) found.push(word[0]);
+      }
+    }
+  }
+  return found;
 }"""
 TOTAL = "article tbody tr:last-child"
 SOUND = {"images": [], "unset": [], "errors": [], "scrolls": 0, "wide": []}
@@ -95,11 +120,15 @@ def test_a_page_is_whole(open_page, name):
     for width in WIDTHS:
         page = open_page(name, width)
         assert page.evaluate(FAULTS) == SOUND, width
+        assert page.evaluate(BROKEN) == [], width
+        if width < 1000:  # at the other width all rules are tried
+            assert not inaccessible(page, ["color-contrast"])
 
 
-def inaccessible(page):
-    """Serious faults that axe finds on a page, by rule."""
+def inaccessible(page, rules=()):
+    """Serious faults that axe finds on a page, by rule; of some rules, or of all."""
     options = {"preload": False, "resultTypes": ["violations"]}
+    options |= {"runOnly": {"type": "rule", "values": [*rules]}} if rules else {}
     found = Axe().run(page, options=options).response["violations"]
     bad = [rule for rule in found if rule["impact"] in SERIOUS or rule["id"] == "heading-order"]
     return {rule["id"]: [node["html"][:120] for node in rule["nodes"][:3]] for rule in bad}
@@ -132,6 +161,13 @@ class Links(HTMLParser):
         self.links += [known[name] for name in ("href", "src") if known.get(name)]
 
 
+def assert_filters(fragment):
+    """That an address of the claims names columns and values that there are."""
+    values = {"paper": claims.papers(), "verdict": claims.VERDICTS, "evidence": claims.EVIDENCE}
+    for column, value in parse_qsl(fragment, strict_parsing=True):
+        assert value in values[column], fragment
+
+
 def test_every_link_leads_somewhere():
     known = {BOOK / name: Links(BOOK / name) for name in PAGES}
     for file, page in known.items():
@@ -140,8 +176,16 @@ def test_every_link_leads_somewhere():
             target = (file.parent / unquote(to.path)).resolve() if to.path else file
             if to.scheme in ("", "file"):
                 assert target.exists(), f"{file.name}: {link}"
-            if to.scheme == "" and to.fragment and target in known:
+            if target == BOOK / "claims.html" and "=" in to.fragment:
+                assert_filters(to.fragment)
+            elif to.scheme == "" and to.fragment and target in known:
                 assert unquote(to.fragment) in known[target].ids, f"{file.name}: {link}"
+
+
+def test_no_two_pages_have_one_title():
+    titles = [re.search("<title>(.*?)</title>", (BOOK / name).read_text())[1] for name in PAGES]
+    assert len(set(titles)) == len(titles)
+    assert {"index.html", "README.html", "notebooks/00_index.html"} <= {*PAGES}
 
 
 # What a reader does ----------------------------------------------------------------------------
@@ -176,6 +220,86 @@ def test_folded_code_opens_by_keyboard(open_page, name):
     fold.locator("summary").focus()
     page.keyboard.press("Enter")
     expect(fold.locator("pre")).to_be_visible()
+
+
+@pytest.mark.parametrize("name", CHAPTERS)
+def test_folds_have_names_and_no_two_follow_each_other(open_page, name):
+    page = open_page(name)
+    names = page.locator("details.hide > summary").all_inner_texts()
+    assert all(re.search(r"Code of .+, \d+ lines?$", said.strip()) for said in names)
+    bare = "div.cell:has(> details.hide):not(:has(.cell_output)) + div.cell:has(> details.hide)"
+    assert page.locator(bare).count() == 0
+
+
+def test_neighbouring_folded_cells_become_one():
+    def made(source, tags=(), outputs=()):
+        metadata = {"tags": list(tags)}
+        return {"cell_type": "code", "source": source, "metadata": metadata, "outputs": [*outputs]}
+
+    fold, shown = ["hide-input"], [{"data": {}}]
+    cells = [
+        made("a = 1", fold),
+        made("def b():\n    pass\n", fold),
+        made('portfolio.save(fig, "fig1")', fold, shown),
+        made("c", fold),
+        made("d"),
+        made("e", fold),
+    ]
+    together = [[i for i, _ in run] for run in book.runs(cells)]
+    assert together == [[0, 1, 2], [3], [4], [5]]
+    one = book.folded(cells[:3])
+    assert one["source"].startswith("a = 1\n\ndef b():")
+    assert one["metadata"]["mystnb"]["code_prompt_show"] == "Code of fig1, b(), 4 lines"
+    assert one["outputs"] == shown
+    alone = book.folded([made("c", fold)])["metadata"]["mystnb"]
+    assert alone["code_prompt_hide"] == "Code of this step, 1 line"
+
+
+def test_the_address_of_the_claims_chooses_and_keeps_what_is_chosen(open_page):
+    counts = claims.scorecard(paths.PRODUCTS).set_index("paper")
+    page = open_page("claims.html#paper=mda_tbd&verdict=differs&evidence=measured")
+    rows = page.locator("table.claims tbody tr")
+    expect(rows).to_have_count(int(counts.loc["mda_tbd", "measured: differs"]))
+    chosen = page.locator("div.dtsp-searchPane tr.selected .dtsp-name")
+    assert chosen.all_inner_texts() == ["mda_tbd", "differs", "measured"]
+    page.locator("div.dtsp-searchPane td", has=page.get_by_text("differs", exact=True)).click()
+    page.wait_for_url("**/claims.html#paper=mda_tbd&evidence=measured")
+    page.locator("button.dtsp-clearAll").click()
+    page.wait_for_url("**/claims.html")
+    expect(rows).to_have_count(int(counts.loc["all", "claims"]))
+
+
+def test_a_count_of_the_first_page_leads_to_its_claims(open_page):
+    page = open_page("index.html")
+    count = page.locator("article tbody tr").first.locator("td a").nth(1)
+    number = int(count.inner_text())
+    count.click()
+    page.wait_for_url("**/claims.html#*")
+    expect(page.locator("table.claims tbody tr")).to_have_count(number)
+
+
+def test_what_a_narrow_screen_cannot_show_scrolls_inside_itself(open_page):
+    page = open_page("index.html", 390)
+    picture = page.locator(".first img").bounding_box()
+    assert picture["width"] >= 600, "letters of the picture are legible"
+    box = page.locator(".first .seen, .first .seen p:has(img)").last
+    assert box.evaluate("box => box.scrollWidth > box.clientWidth && box.tabIndex === 0")
+
+
+def test_captions_of_the_gallery_are_set_like_text(open_page):
+    page = open_page("gallery.html")
+    style = "box => [getComputedStyle(box).color, getComputedStyle(box).fontWeight]"
+    caption = page.locator(".thumbs figcaption p").first.evaluate(style)
+    assert caption == page.locator("article > section > p").first.evaluate(style)
+
+
+def test_the_book_says_what_it_was_made_from(monkeypatch):
+    known = clone.Clone("https://example.org/a/b", "0123456789ab")
+    monkeypatch.setattr(clone, "find", lambda: known)
+    said = book.origin()
+    assert "commit 0123456789ab of [https://example.org/a/b](https://example.org/a/b)." in said
+    monkeypatch.setattr(clone, "find", clone.Clone)
+    assert re.fullmatch(r"Version [\d.]+\.", book.origin())
 
 
 def test_the_filters_of_the_claims_count_as_the_scorecard(open_page):
@@ -254,7 +378,7 @@ def copy(tmp_path):
     """A copy of the repository with an old book."""
     for name in ("benchmarks", "data", "docs", "figures", "notebooks", "tests"):
         shutil.copytree(paths.ROOT / name, tmp_path / name)
-    for name in ("README.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff", "pyproject.toml"):
+    for name in (*book.FILES, "pyproject.toml"):
         shutil.copy(paths.ROOT / name, tmp_path / name)
     (tmp_path / "build" / "book").mkdir(parents=True)
     (tmp_path / "build" / "book" / "index.html").write_text("old")

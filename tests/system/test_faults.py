@@ -221,9 +221,9 @@ FAULTS = [
     ),
     Plant(
         "a run that is resumed whatever its parameters",
-        "tbdcore/repro/batch.py",
-        'now["parameters"] = {name: every[name] for name in every if name not in pages.EXECUTION}',
-        "",
+        "tbdcore/repro/pages.py",
+        "used = {name: value for name, value in every.items() if name not in EXECUTION}",
+        "used = every",
         "harness/test_batch.py::test_resume_goes_by_the_parameters_that_can_change_a_result",
     ),
 ]
