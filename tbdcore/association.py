@@ -298,54 +298,57 @@ def ljipda_spec(log_ratio, log_amplitude, existence, detect):
 
 @kernel
 def _potentials(log_w, log_miss):
-    """Dual variables (a, v) of the best joint event: log_w + a + v, log_miss + a and v are <= 0.
+    """Dual variables (of tracks, of plots) of the best joint event, which is an assignment.
 
-    Shortest augmenting paths (Jonker and Volgenant 1987) on the costs -log_w, with one private
-    column per track for its miss.  a, v : potentials of tracks and of columns; row : the track of a
-    column; back : the column before it on the path; short : length of the path to it.  Raises
-    ValueError where no joint event is possible.
+    With them each log_w + track + plot, log_miss + track and plot is at most 0, and 0 in the best
+    event.  Hungarian method with shortest augmenting paths (Jonker and Volgenant 1987) on the costs
+    -log_w, with a private column for each track, its miss, after those of the plots: a search for
+    each track goes from column to column by way of the tracks that hold them, ``length`` from the
+    root, by way of ``before``, to a free one; then each track on the path takes the next column.
     """
     T, M = log_w.shape
-    a, v = np.zeros(T), np.zeros(M + T + 1)  # the last column is the root of the search
-    row, back = np.full(M + T + 1, -1), np.empty(M + T + 1, np.int64)
+    root = M + T  # the column where each search begins; the new track stands in it
+    track_dual, column_dual = np.zeros(T), np.zeros(M + T + 1)
+    holder, before = np.full(M + T + 1, -1), np.empty(M + T + 1, np.int64)
     for t in range(T):
-        row[M + T], j0 = t, M + T
-        short, seen = np.full(M + T, np.inf), np.zeros(M + T + 1, np.bool_)
-        while row[j0] >= 0:
-            seen[j0] = True
-            i, j1, delta = row[j0], -1, np.inf
+        holder[root] = t
+        length, seen = np.full(M + T, np.inf), np.zeros(M + T + 1, np.bool_)
+        column = root
+        while holder[column] >= 0:
+            seen[column] = True
+            i, nearest, step = holder[column], -1, np.inf
             for j in range(M + T):
                 if seen[j]:
                     continue
                 if j < M or j == M + i:
-                    cost = (-log_w[i, j] if j < M else -log_miss[i]) - a[i] - v[j]
-                    if cost < short[j]:
-                        short[j], back[j] = cost, j0
-                if short[j] < delta:
-                    delta, j1 = short[j], j
-            if j1 < 0:
+                    cost = (-log_w[i, j] if j < M else -log_miss[i]) - track_dual[i]
+                    if cost - column_dual[j] < length[j]:
+                        length[j], before[j] = cost - column_dual[j], column
+                if length[j] < step:
+                    step, nearest = length[j], j
+            if nearest < 0:
                 raise ValueError("association.jipda: a certain track has no plot; lower existence")
             for j in range(M + T):
                 if seen[j]:
-                    a[row[j]] += delta
-                    v[j] -= delta
+                    track_dual[holder[j]] += step
+                    column_dual[j] -= step
                 else:
-                    short[j] -= delta
-            a[t] += delta
-            j0 = j1
-        while j0 != M + T:
-            row[j0] = row[back[j0]]
-            j0 = back[j0]
-    return a + v[M : M + T], v[:M].copy()
+                    length[j] -= step
+            track_dual[t] += step
+            column = nearest
+        while column != root:
+            holder[column] = holder[before[column]]
+            column = before[column]
+    return track_dual + column_dual[M:root], column_dual[:M].copy()
 
 
 @kernel
 def _subset_marginals(w, miss, idle):
     """Marginals (T, M + 1) of all joint events, column 0 the miss; see the head of this module.
 
-    ``ahead`` is F_m of the plot in hand, ``back`` is B_m; bit t of A says that track t is used.
-    The factors ``w`` (T, M), ``miss`` (T,), ``idle`` (M,) are at most one.  ``back[m, A]`` sums the
-    completions by the plots m, m + 1, ... when the tracks of A are used.
+    w (T, M), miss (T,), idle (M,) : factors of a pair, a lone track, a lone plot, at most one.
+    Bit t of the integer A says that the set A of used tracks has track t.  ``ahead[A]`` is F_m(A)
+    of the plot in hand; ``back[m, A]`` is B_m(A), the sum of all completions from plot m on.
     """
     T, M = w.shape
     full = 1 << T

@@ -24,7 +24,7 @@ class FlagsRule:
 
     limited, any_axes = False, True
 
-    def __call__(self, name, values, sizes, compiled=None):
+    def __call__(self, name, values, sizes):
         flags = array(name, values)
         whole = flags.dtype.kind in "biu" and ((flags == 0) | (flags == 1)).all()
         if not (whole and flags.ndim * flags.size):

@@ -57,33 +57,26 @@ def checked(function=None, *, inside=None):
     compiled = inside or (None if plain is function else function)
     signature = inspect.signature(plain)
     where = f"{plain.__module__}.{plain.__name__}".removeprefix("tbdcore.")
-    found = signature.parameters.values()
-    found = [p.replace(annotation=_rule_of(p.annotation)) for p in found]
+    found = [p.replace(annotation=_rule_of(p.annotation)) for p in signature.parameters.values()]
     rules = [(p.annotation, f"{where}: {p.name}") for p in found]
     defaults = [p.default for p in found if p.default is not p.empty]
     known: dict = {}  # by the types and shapes of calls that fit: what their values still need
 
     @functools.wraps(plain)
     def call(*args, **named):
-        missing = len(rules) - len(args)
-        if named or not 0 <= missing <= len(defaults):
-            bound = signature.bind(*args, **named)  # a TypeError if that is no call of the function
-            bound.apply_defaults()
-            args = bound.args
-        elif missing:
-            args = (*args, *defaults[-missing:])
+        if named or len(args) != len(rules):
+            args = _completed(signature, defaults, args, named)
         kinds = tuple(
             [(a.dtype, a.shape) if type(a) is Array and a.flags.carray else type(a) for a in args]
         )
-        needed = known.get(kinds)
-        if needed is None:
+        if kinds not in known:
             args, needed = _fitted(rules, args, kinds)
-            if needed is not None:
-                if len(known) > 1000:
-                    known.clear()
+            if len(known) > 1000:
+                known.clear()
+            if needed:
                 known[kinds] = needed
             return function(*args)
-        scalars, limits = needed
+        scalars, limits = known[kinds]
         if scalars:
             args = list(args)
             for n, rule, name in scalars:
@@ -98,6 +91,16 @@ def checked(function=None, *, inside=None):
     if function is not plain:
         call.py_func = plain
     return call
+
+
+def _completed(signature, defaults, args, named):
+    """The arguments by position, with the defaults of those left out."""
+    missing = len(signature.parameters) - len(args)
+    if not named and 0 < missing <= len(defaults):
+        return (*args, *defaults[-missing:])
+    bound = signature.bind(*args, **named)  # a TypeError if that is no call of the function
+    bound.apply_defaults()
+    return bound.args
 
 
 def _fitted(rules, args, kinds):

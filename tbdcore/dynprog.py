@@ -262,7 +262,7 @@ class Maps(NamedTuple):
 
 @checked
 def forward(z: Frames, transition: Transition, maps: Maps | None = None) -> Maps:
-    """Value maps of Wan et al. 2013, eqs. (4), (12), (14), (16).
+    """Value maps of Wan et al. 2013, eqs. (4), (12), (14), (16), new or updated.
 
     z : (K, X, Y) frames in their margin; a cell of -inf cannot be passed, NaN is a ValueError
     maps : of other frames by the same transition, to be updated in place; None: new ones
@@ -460,7 +460,15 @@ class _Axis(NamedTuple):
 
 @kernel
 def _changing_forward(values, z, changed, width, lowest, weights, prices):
-    """The loop of :func:`forward` otherwise: in each frame the second axis, then the first."""
+    """The loop of :func:`forward` for a velocity that changes: in each frame, axis by axis.
+
+    With (iv, jv, i, j) as above, v and w the velocities of iv + r and jv + s, and g the weight of
+    a slack and a change:
+        between[iv, jv, i, j] = max over n, s of g[n, s] I_{k-1}[iv, jv + s, i, j - w + n]
+        I_k[iv, jv, i, j] = z_k[i, j] + max over m, r of g[m, r] between[iv + r, jv, i - v + m, j]
+    Both lines are :func:`_one_axis`: along an axis neighbouring velocities and cells are _Axis
+    values apart in memory.  The value of (iv, jv, i, j) is at ((iv V + jv) X + i) Y + j.
+    """
     K, V, _, X, Y = values.shape
     size = X * Y
     maps = values.reshape(values.size)
@@ -480,18 +488,8 @@ def _changing_forward(values, z, changed, width, lowest, weights, prices):
             row, n = _rows_inside(first - back - 1, end - back + 1, width, X)
             planes = iv * V * size
             cells = row * Y, n * Y
-            _one_axis(
-                between,
-                planes,
-                maps,
-                old + planes,
-                axis,
-                weights,
-                prices,
-                cells,
-                frames[k, :0],
-                best,
-            )
+            none = frames[k, :0]
+            _one_axis(between, planes, maps, old + planes, axis, weights, prices, cells, none, best)
         axis = _Axis(V * size, Y, lowest)
         for jv in range(V):
             row, n = _rows_inside(first, end, width, X)
@@ -504,10 +502,13 @@ def _changing_forward(values, z, changed, width, lowest, weights, prices):
 
 @kernel
 def _one_axis(new, to, old, at, axis, weights, prices, cells, frame, best):
-    """On one axis, the best predecessor of all velocities; their first planes are at to and at.
+    """The best predecessor on one axis, for all velocities of it and a range of cells of a plane.
 
-    It goes through the planes in pieces, whose best slacks, velocity v in row v + 1 of ``best``,
-    stay in the first-level cache.
+    to, at : where the planes of the lowest velocity begin in ``new`` and ``old``, flat arrays
+    cells : first cell and number of cells; frame : what is added to them, or empty
+    Weights of slack and change that are separate take two steps.  The first writes the best slack
+    of velocity v to row v + 1 of ``best``, whose first and last rows are -inf; the second takes the
+    best of three rows.  Cells are treated in pieces: ``best`` stays in the first-level cache.
     """
     start, n = cells
     piece = PIECE // best.itemsize
@@ -530,8 +531,9 @@ def _one_axis(new, to, old, at, axis, weights, prices, cells, frame, best):
 def _separate(target, to, source, at, shape, weights, prices, frame, origin):
     """target[v, x] = max of source[v, x + c step] weights[c], c = 0, 1, 2, plus frame[x] if any.
 
-    A weight of 0 leaves its value out.  to, at : offset of [0, 0] in the flat array, and how far
-    the next v is; at : then the step.  shape : numbers of v and x.  origin : offset of frame[0].
+    Prices are subtracted instead.  A weight of 0 leaves its value out: the middle one stands in.
+    to : offset of [0, 0] in the flat target, and how far the next v is; at : the same of the
+    source, then the step; shape : numbers of v and x; origin : offset of frame[0].
     """
     first, apart, step = at
     before, after = -step, step

@@ -3,7 +3,7 @@
 Chapters 01 and 02 are told white normal noise ("gaussian"), chapter 03 white exponential noise
 ("exponential").  Places that may be targets are left out: the brightest place of each window and
 all cells that the law itself would hardly show, with five cells around them.  So a target of up to
-20 dB is no misfit.  Gaps are left out as well.
+20 dB is no misfit.  Gaps, NaN cells and frames, are left out as well.
 """
 
 import math

@@ -35,9 +35,7 @@ LEAST, MOST = 1e-200, 1e200  # sum of weights: beyond these the spacing of the a
 
 
 @checked
-def normalise(
-    lw: Annotated[ArrayLike, Numbers("N", low=None, single=True)],
-) -> tuple[Array, float]:
+def normalise(lw: Annotated[ArrayLike, Numbers("N", low=None, single=True)]) -> tuple[Array, float]:
     """Weights W (N,) that sum to one, and log(sum exp(lw) / N), from log-weights lw (N,) < inf.
 
     A weight may be 0, its logarithm -inf, but not all; NaN is a ValueError.

@@ -140,16 +140,19 @@ def _blob_sums(z, S, present, g, decay, peak, noise):
     """The log-ratios (N,): the two sums of :func:`blob_log_ratio`; 0 of particles not present.
 
     present, g : from _blob_exponents, and the exponentials of what it returns
-    match : sum of g_i g_j z_ij, row by row; energy : sum of g_i**2 times sum of g_j**2, of the
-        cells inside the frame.  Both are in units of the nearest cell's g_i g_j, which is centre.
+
+    Both sums are in units of the nearest cell's g_i g_j, which is ``centre``.  The five weights of
+    an axis, x of the rows and y of the columns, are then 1 in the middle:
+    match is the sum of x_i (sum of y_j z_ij), energy (sum of x_i**2) (sum of y_j**2).  Only cells
+    in the frame count: ``framed`` is z in a margin of zeros, ``inside`` 1 in the frame, else 0.
     """
     nx, ny = z.shape
     one = math.exp(-0.5 * decay)
     two = math.exp(-2.0 * decay)
-    framed = np.zeros((nx + 8, ny + 8))  # z in a margin of zeros, as wide as a patch can reach
+    framed = np.zeros((nx + 8, ny + 8))  # a margin of 4: as far as a patch can reach
     for i, j in np.ndindex(nx, ny):  # a slice would take two seconds more to compile
         framed[i + 4, j + 4] = z[i, j]
-    inside = np.zeros((2, max(nx, ny) + 8))  # 1 inside the frame, on each axis
+    inside = np.zeros((2, max(nx, ny) + 8))
     for k in range(4, inside.shape[1]):
         inside[0, k] = k < nx + 4
         inside[1, k] = k < ny + 4
@@ -499,29 +502,81 @@ def power_log_ratio(
     return total - np.log(product)
 
 
-CROWD = 8  # particles of one cell from which on they are weighed together
-LANES = 256  # at most as many together: their patches stay in the first-level cache
+# How the sum over a patch is computed.  With s = snr h**2, a number of the cell's row times one of
+# its column, the log-ratio is  sum z s / (1 + s) - log prod (1 + s).  To make it fast:
+# - Five cells of a column are one fraction: its denominator, the product of their 1 + s, is needed
+#   anyway, and one division serves all five.
+# - The product runs over the patch and its logarithm is taken once, by power_log_ratio; only where
+#   it would overflow are logarithms taken on the way.
+# - Particles in one cell have the same patch z.  Where TOGETHER or more share a cell, they are the
+#   inner loop, and the processor does several at once (_weigh_together); others go one by one.
+
+TOGETHER = 8  # particles of one cell from which on they are the inner loop
+MOST_TOGETHER = 256  # at most: their arrays stay in the first-level cache
+OVERFLOW = 1e300  # a product of 1 + s from here on is replaced by its logarithm
 
 
 @kernel
-def _five_cells(z, g, h):
-    """The sum of z s / (1 + s) over five rows, s = g h, as a fraction: one division for five.
+def _power_log_ratio(z, rho, alpha, snr, peaks, spread):
+    """Sums (N,) of z s / (1 + s) and products (N,) of 1 + s over each particle's patch."""
+    nr, na = z.shape
+    total = np.zeros(rho.size)
+    product = np.ones(rho.size)
+    cell = _cells_of(rho, alpha, snr, nr, na, total)
+    order, begins = _by_cell(cell, nr * na)
+    for group in range(begins.size - 1):
+        for first in range(begins[group], begins[group + 1], MOST_TOGETHER):
+            members = order[first : min(first + MOST_TOGETHER, begins[group + 1])]
+            _weigh_together(members, z, cell, snr, peaks, spread, total, product)
+    _weigh_alone(z, cell, snr, peaks, spread, total, product)
+    return total, product
 
-    The denominator is the product of 1 + s.
+
+@kernel
+def _cells_of(rho, alpha, snr, nr, na, total):
+    """Index of each particle's cell in the flat frame, -1 where there is nothing to sum.
+
+    That is where snr is 0 or less, and off the frame, where the total becomes -inf.
     """
-    s = g[0] * h
-    numerator = z[0] * s
-    denominator = 1.0 + s
-    for r in range(1, 5):
-        s = g[r] * h
-        numerator = numerator * (1.0 + s) + denominator * z[r] * s
-        denominator = denominator * (1.0 + s)
-    return numerator, denominator
+    cell = np.full(rho.size, -1)
+    for n in range(rho.size):
+        if not _inside(rho[n], alpha[n], nr, na):
+            total[n] = -np.inf
+        elif snr[n] > 0.0:
+            cell[n] = (int(rho[n] + 0.5) - 1) * na + int(alpha[n] + 0.5) - 1
+    return cell
+
+
+@kernel
+def _by_cell(cell, cells):
+    """Particles sorted by cell (counting sort), those of cells with fewer than TOGETHER left out.
+
+    Group g, the particles of one cell, is order[begins[g] : begins[g + 1]].
+    """
+    count = np.zeros(cells, np.int32)
+    for c in cell:
+        if c >= 0:
+            count[c] += 1
+    place = np.empty(cells, np.int32)  # of the next particle of a cell in ``order``
+    begins = np.zeros(cell.size // TOGETHER + 1, np.int64)
+    groups = 0
+    for c in range(cells):
+        if count[c] >= TOGETHER:
+            place[c] = begins[groups]
+            begins[groups + 1] = begins[groups] + count[c]
+            groups += 1
+    order = np.empty(begins[groups], np.int64)
+    for n in range(cell.size):
+        c = cell[n]
+        if c >= 0 and count[c] >= TOGETHER:
+            order[place[c]] = n
+            place[c] += 1
+    return order, begins[: groups + 1]
 
 
 @kernel
 def _five_rows(first, last):
-    """Rows first to first + 4, the last one instead of those beyond it.
+    """Rows first to first + 4, the last one instead of those beyond it, where g is 0.
 
     They are unsigned: Numba tests a signed index, which takes as long as the arithmetic.
     """
@@ -537,138 +592,86 @@ def _five(z, rows, j):
 
 
 @kernel
-def _with_logarithms(before, ratio, factor):
-    """The sum and the product, continued; before the product overflows its log goes to the sum."""
-    sums, many = before
-    for k in range(ratio.size):
-        if not many * factor[k] < 1e300:
-            sums -= math.log(many)
-            many = 1.0
-        sums += ratio[k]
-        many *= factor[k]
-    return sums, many
+def _fraction(z, g, h):
+    """Numerator and denominator of the sum of z s / (1 + s) over five cells, s = g h."""
+    s = g[0] * h
+    numerator = z[0] * s
+    denominator = 1.0 + s
+    for r in range(1, 5):
+        s = g[r] * h
+        numerator = numerator * (1.0 + s) + denominator * z[r] * s
+        denominator = denominator * (1.0 + s)
+    return numerator, denominator
 
 
 @kernel
-def _power_log_ratio(z, rho, alpha, snr, peaks, spread):
-    """Sums (N,) of z s / (1 + s), and products (N,) of 1 + s, s = snr h**2, of each patch.
-
-    Particles that share a cell share their patch, and are weighed together.
-    """
-    nr, na = z.shape
-    total = np.zeros(rho.size)
-    product = np.ones(rho.size)
-    cell = _cells_of(rho, alpha, snr, nr, na, total)
-    order, begins = _by_cell(cell, nr * na)
-    for group in range(begins.size - 1):
-        for first in range(begins[group], begins[group + 1], LANES):
-            members = order[first : min(first + LANES, begins[group + 1])]
-            _weigh_together(members, z, cell, snr, peaks, spread, total, product)
-    _weigh_alone(z, cell, snr, peaks, spread, total, product)
-    return total, product
-
-
-@kernel
-def _cells_of(rho, alpha, snr, nr, na, total):
-    """Cells (N,) of the particles to weigh, else -1; the total of those off the frame is -inf."""
-    cell = np.full(rho.size, -1)
-    for n in range(rho.size):
-        if not _inside(rho[n], alpha[n], nr, na):
-            total[n] = -np.inf
-        elif snr[n] > 0.0:
-            cell[n] = (int(rho[n] + 0.5) - 1) * na + int(alpha[n] + 0.5) - 1
-    return cell
-
-
-@kernel
-def _by_cell(cell, cells):
-    """Particles (C,) of the cells that hold CROWD or more, cell by cell; where each cell begins."""
-    count = np.zeros(cells, np.int32)
-    for n in range(cell.size):
-        if cell[n] >= 0:
-            count[cell[n]] += 1
-    place = np.empty(cells, np.int32)  # of the next particle of each cell
-    order = np.empty(cell.size, np.int64)
-    begins = np.zeros(cell.size // CROWD + 1, np.int64)
-    groups = 0
-    for n in range(cell.size):
-        c = cell[n]
-        if c < 0 or -CROWD < count[c] < CROWD:
-            continue
-        if count[c] > 0:  # the first of its cell; the sign says that it has been met
-            place[c] = begins[groups]
-            groups += 1
-            begins[groups] = begins[groups - 1] + count[c]
-            count[c] = -count[c]
-        order[place[c]] = n
-        place[c] += 1
-    return order, begins[: groups + 1]
-
-
-@kernel
-def _gaussians(out, h, peak, tilt, fixed, size):
-    """Rows h + m of out as :func:`_gaussian`, a column for each peak and tilt."""
+def _gaussians(out, h, peak, ratio, decays, size):
+    """As :func:`_gaussian` down the rows of ``out``, a column for each peak and ratio."""
     up = peak.copy()
     down = peak.copy()
-    back = 1.0 / tilt
-    for m in range(fixed.size):
-        for l in range(size):
-            out[h - m, l] = down[l] * fixed[m]
-            out[h + m, l] = up[l] * fixed[m]
-            up[l] *= tilt[l]
-            down[l] *= back[l]
+    back = 1.0 / ratio
+    for m in range(decays.size):
+        for n in range(size):
+            out[h - m, n] = down[n] * decays[m]
+            out[h + m, n] = up[n] * decays[m]
+            up[n] *= ratio[n]
+            down[n] *= back[n]
 
 
 @kernel
 def _weigh_together(members, z, cell, snr, peaks, spread, total, product):
-    """Totals and products of particles of one cell, a column for each: as :func:`_weigh_alone`.
+    """Totals and products of particles that share a cell; their ``cell`` becomes -1.
 
-    A particle whose product might overflow is left to that function; the cells of all others are
-    set to -1.
+    As :func:`_weigh_alone`, but with a column of every array for each member.  A member whose
+    product overflows keeps its cell, and is left to that function.
     """
     nr, na = z.shape
     _, _, hr, ha = spread
     fr, fa = _decays(spread)
     size = members.size + -members.size % 8  # whole vectors; the last columns are not used
-    lanes = np.zeros(size, np.int64)
-    lanes[: members.size] = members
+    particles = np.zeros(size, np.int64)
+    particles[: members.size] = members
     gr = np.zeros((2 * hr + 5, size))
     ga = np.zeros((2 * ha + 1, size))
-    _gaussians(gr, hr, snr[lanes] * peaks[0][lanes], peaks[1][lanes], fr, size)
-    _gaussians(ga, ha, np.ones(size), peaks[2][lanes], fa, size)
+    _gaussians(gr, hr, snr[particles] * peaks[0][particles], peaks[1][particles], fr, size)
+    _gaussians(ga, ha, np.ones(size), peaks[2][particles], fa, size)
     top = cell[members[0]] // na - hr
     left = cell[members[0]] % na - ha
     end = min(top + 2 * hr + 1, nr)
     gr[end - top : 2 * hr + 1] = 0.0
     sums = np.zeros(size)
-    many = np.ones(size)
+    factors = np.ones(size)
     for i in range(max(top, 0), end, 5):
         g = gr[i - top : i - top + 5]
-        rows = _five_rows(i, end - 1)  # beyond the patch g is 0
+        rows = _five_rows(i, end - 1)
         for j in range(max(left, 0), min(left + 2 * ha + 1, na)):
             five = _five(z, rows, np.uint64(j))
             h = ga[j - left]
-            for l in range(size):
-                a, b = _five_cells(five, (g[0, l], g[1, l], g[2, l], g[3, l], g[4, l]), h[l])
-                sums[l] += a / b
-                many[l] *= b
-    for l in range(members.size):
-        if many[l] < 1e300:
-            total[members[l]] = sums[l]
-            product[members[l]] = many[l]
-            cell[members[l]] = -1
+            for n in range(size):
+                a, b = _fraction(five, (g[0, n], g[1, n], g[2, n], g[3, n], g[4, n]), h[n])
+                sums[n] += a / b
+                factors[n] *= b
+    for n in range(members.size):
+        if factors[n] < OVERFLOW:
+            total[members[n]] = sums[n]
+            product[members[n]] = factors[n]
+            cell[members[n]] = -1
 
 
 @kernel
 def _weigh_alone(z, cell, snr, peaks, spread, total, product):
-    """Totals and products of the particles whose cell is not -1, one by one."""
+    """Totals and products of the particles whose cell is not -1, one by one.
+
+    gr, ga : snr h**2 of the rows, h**2 of the columns of a patch, which begins in row top and
+    column left of the frame.  gr is 0 in rows below the frame and in those that fill up a five.
+    """
     nr, na = z.shape
     _, _, hr, ha = spread
     fr, fa = _decays(spread)
     gr = np.zeros(2 * hr + 5)
     ga = np.zeros(2 * ha + 1)
-    ratio = np.empty(ga.size)
-    factor = np.empty(ga.size)
+    quotients = np.empty(ga.size)
+    products = np.empty(ga.size)
     for n in range(cell.size):
         if cell[n] < 0:
             continue
@@ -682,23 +685,36 @@ def _weigh_alone(z, cell, snr, peaks, spread, total, product):
         columns = min(left + ga.size, na) - low
         first, shift = np.uint64(low), np.uint64(low - left)
         sums = 0.0
-        many = 1.0
+        factors = 1.0
         for i in range(max(top, 0), end, 5):
-            rows = _five_rows(i, end - 1)  # beyond the patch g is 0
+            rows = _five_rows(i, end - 1)
             m = i - top
             g = gr[m], gr[m + 1], gr[m + 2], gr[m + 3], gr[m + 4]
             for k in range(np.uint64(columns)):
-                a, b = _five_cells(_five(z, rows, first + k), g, ga[shift + k])
-                ratio[k] = a / b
-                factor[k] = b
-            before = sums, many
+                a, b = _fraction(_five(z, rows, first + k), g, ga[shift + k])
+                quotients[k] = a / b
+                products[k] = b
+            before = sums, factors
             for k in range(columns):
-                sums += ratio[k]
-                many *= factor[k]
-            if not many < 1e300:
-                sums, many = _with_logarithms(before, ratio[:columns], factor)
+                sums += quotients[k]
+                factors *= products[k]
+            if not factors < OVERFLOW:
+                sums, factors = _with_logarithms(before, quotients[:columns], products)
         total[n] = sums
-        product[n] = many
+        product[n] = factors
+
+
+@kernel
+def _with_logarithms(before, quotients, products):
+    """The sum and the product, continued; before it overflows, the product's log is subtracted."""
+    sums, factors = before
+    for k in range(quotients.size):
+        if not factors * products[k] < OVERFLOW:
+            sums -= math.log(factors)
+            factors = 1.0
+        sums += quotients[k]
+        factors *= products[k]
+    return sums, factors
 
 
 def cell_power_spec(z, rho, alpha):

@@ -11,7 +11,7 @@ import pytest
 
 import tbdcore
 from tbdcore import checks, kernel, score
-from tbdcore.checks import ArrayLike, Numbers, checked
+from tbdcore.checks import ArrayLike, Integer, Number, Numbers, checked
 
 
 @pytest.mark.parametrize("check", [checks.array, checks.numbers, checks.integers])
@@ -59,6 +59,30 @@ def test_values_are_checked_again_when_types_and_shapes_are_known():
     for wrong, words in ((-np.ones(3), "x"), (np.full(3, np.nan), "x"), (np.ones((3, 1)), "shape")):
         with pytest.raises(ValueError, match=words):
             total(wrong)
+
+
+@checked
+def scaled(
+    x: Annotated[ArrayLike, Numbers(..., low=0.0)],
+    by: Annotated[float, Number(0.0, 9.0)] = 2.0,
+    n: Annotated[int, Integer(0)] = 1,
+) -> float:
+    """The sum of x, n times by."""
+    assert isinstance(x, np.ndarray)
+    assert type(by) is float
+    return float(x.sum()) * by**n
+
+
+@pytest.mark.parametrize("x", [3, np.float64(3), np.float32(3), np.ones(3), np.ones(3)[::-1]])
+def test_numbers_of_any_type_are_converted_and_checked_in_every_call(x):
+    for _ in range(3):
+        assert scaled(x) == scaled(x, 2) == scaled(x, np.float32(2), np.int32(1)) == 6.0
+        for wrong in ((-x,), (x, 10), (x, np.float32(10)), (x, 2, np.int32(-1))):
+            with pytest.raises(ValueError, match=r"scaled: (x|by|n)\b"):
+                scaled(*wrong)
+    for none in ((), (x, 2, 1, 0)):
+        with pytest.raises(TypeError):
+            scaled(*none)
 
 
 def test_help_shows_the_rules():

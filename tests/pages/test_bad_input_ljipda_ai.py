@@ -179,6 +179,24 @@ CASES = [
 ]
 
 
+def test_columns_in_another_order_are_named():
+    """[amplitude, x, y] and [y, x, amplitude]: no plot lies in a gate."""
+    for order in ([2, 0, 1], [1, 0, 2]):
+        odd = [scan[:, order] for scan in SCANS for _ in range(3)]
+        words = r"^scans: no plot of 17 scans lies in a gate"
+        with pytest.warns(tbdcore.misfit.Misfit, match=words):
+            page.run(odd, replace(SETUP, tau=0.0), method="LM-AI")
+
+
+def test_sixteen_tracks_are_the_limit_of_exact_association_only():
+    many = replace(SETUP, x=np.tile(X, (9, 1)))
+    for method in set(page.METHODS) - {"JIPDA", "JIPDA-AI"}:
+        assert np.isfinite(page.run(SCANS[:3], many, method=method).x).all()
+    for method in ("JIPDA", "JIPDA-AI"):
+        with pytest.raises(ValueError, match="^x: 18 tracks, the limit of exact association is 16"):
+            page.run(SCANS[:3], many, method=method)
+
+
 @pytest.mark.parametrize(("call", "words"), CASES, ids=[words for _, words in CASES])
 def test_bad_input_is_refused_in_one_line(call, words):
     with pytest.raises(ValueError, match=words) as refused:

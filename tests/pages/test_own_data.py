@@ -567,7 +567,7 @@ def use(paper, page, made, rng):
         return page.detect(rng.standard_normal((8, 40, 64)), made, 30.0)
     if paper == "mm_pf_tbd":
         p = page.Scenario(M=100, M_new=100, scene=made)
-        return page.run(rng.standard_normal((5, 40, 30)), p, rng)
+        return page.run(2.3 * rng.standard_normal((5, 40, 30)), p, rng)
     if paper == "mda_tbd":
         return page.run(rng.standard_exponential((20, 64, 48)), made, rng)
     if paper == "track_cfar":

@@ -3,6 +3,7 @@
 import math
 import pickle
 import re
+import timeit
 from dataclasses import fields, replace
 
 import numpy as np
@@ -262,7 +263,7 @@ def test_methods_are_one_where_nothing_is_shared():
     for method in ("JIPDA", "LJIPDA"):
         np.testing.assert_allclose(states(p, method, 3, z)[0], alone, rtol=1e-8)
     aided = states(p, "JIPDA-AI", 3, z)[0]
-    for method in ("LJIPDA-AI", "LJIPDA-AI, strict", "LM-AI"):
+    for method in set(page.METHODS) - {"JIPDA", "LJIPDA", "IPDA", "JIPDA-AI"}:
         np.testing.assert_allclose(states(p, method, 3, z)[0], aided, rtol=1e-8)
 
 
@@ -287,10 +288,8 @@ def test_strict_visibility_is_one_over_one_plus_the_odds_of_the_others():
 
 def test_every_way_to_share_is_its_association():
     ratio, loud, P, D = small_scan()
-    zero = 0 * loud
     same = {
         page.VISIBLE: association.ljipda(ratio, loud, P, D),
-        page.EARLY: association.ljipda(ratio + loud, zero, P, D),
         page.EXACT: association.jipda(ratio + loud, P, D),
         page.MODULATED: association.ipda(association.modulated_log_ratio(ratio + loud, P, D), P, D),
         page.ALONE: association.ipda(ratio + loud, P, D),
@@ -298,6 +297,96 @@ def test_every_way_to_share_is_its_association():
     for how, found in same.items():
         for ours, theirs in zip(page.associate(how, ratio, loud, P, D), found, strict=True):
             np.testing.assert_array_equal(ours, theirs)
+
+
+INDICATORS = {  # the track that gets the amplitude of the plot in both gates
+    page.LARGEST: [1, 0],
+    page.SMALLEST: [0, 1],
+    page.FIRST: [1, 0],
+    page.LAST: [0, 1],
+    page.LONE: [0, 0],
+}
+
+
+def test_the_indicator_gives_a_shared_amplitude_to_one_track_or_to_none():
+    """Of the plot in both gates track 0 has the larger prior, 0.59 against 0.41."""
+    ratio, loud, P, D = small_scan()
+    for how, shared in INDICATORS.items():
+        omega = page.indicator_of(how, ratio, P, D)
+        np.testing.assert_array_equal(omega, [[1, shared[0], 0], [0, shared[1], 1]])
+        found = page.associate(how, ratio, loud, P, D)
+        for ours, theirs in zip(found, association.ljipda(ratio, loud * omega, P, D), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    swapped = page.indicator_of(page.LARGEST, ratio[::-1].copy(), P[::-1].copy(), D)
+    np.testing.assert_array_equal(swapped, [[0, 0, 1], [1, 1, 0]])
+    assert page.indicator_of(page.LARGEST, np.empty((2, 0)), P, D).shape == (2, 0)
+    outside = np.array([[-np.inf, 0.0], [-np.inf, 0.0]])
+    assert page.indicator_of(page.LARGEST, outside, P, D)[:, 0].tolist() == [0, 0]
+
+
+def test_the_coin_is_fair_and_gives_each_amplitude_once():
+    draw, P, D = rng(5), np.full(3, 0.9), np.full(3, 0.95)
+    omega = np.hstack(
+        [page.indicator_of(page.COIN, draw.normal(2, 1, (3, 4)), P, D) for _ in range(600)]
+    )
+    np.testing.assert_array_equal(omega.sum(axis=0), 1)
+    assert np.abs(omega.mean(axis=1) - 1 / 3).max() < 4 * math.sqrt(2 / 9 / 2400)
+
+
+def test_a_prior_by_plot_is_shared_among_the_tracks_without_existence():
+    ratio, loud, P, D = small_scan()
+    share = np.exp(ratio) / np.exp(ratio).sum(axis=0)
+    odds = D[:, None] * share / (1 - D[:, None] * share)
+    visible = (1 + odds) / (1 + odds.sum(axis=0))
+    with np.errstate(divide="ignore"):
+        known = association.ipda(ratio + np.log(visible) + loud, P, D)
+    found = page.associate(page.BY_PLOT, ratio, loud, P, D)
+    for ours, theirs in zip(found, known, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12)
+    empty = page.associate(page.BY_PLOT, np.empty((2, 0)), np.empty((2, 0)), P, D)[0]
+    np.testing.assert_array_equal(empty, [[1], [1]])
+
+
+def test_the_squared_reading_counts_clutter_by_the_visibilities():
+    """By hand: P_V squared, n = sum of P_V less P_D P_W P (1 - product of (1 - P_V))."""
+    ratio, loud, P, D = small_scan()
+    clutter, gamma = 3e-5, 9.0
+    S = np.array([np.diag([900.0, 400.0]), np.array([[500.0, 100.0], [100.0, 300.0]])])
+    visible, terms = association.visibility(ratio, P, D), []
+    for t in range(2):
+        inside, V = ratio[t] > -np.inf, math.pi * gamma * math.sqrt(np.linalg.det(S[t]))
+        seen = visible[t][inside]
+        n = seen.sum() - D[t] * P[t] * (1 - np.prod(1 - seen))
+        density = clutter * np.exp(ratio[t] + loud[t])
+        terms.append(D[t] * visible[t] ** 2 * density * V / n)
+    terms = np.column_stack([1 - D, terms])
+    sensor = (1.0, 1.0, clutter, gamma, 0.98889, 0.99, 0.0)
+    given = ratio + math.log(clutter), loud, S, P, sensor, D, page.SQUARED
+    beta, alive = page.weigh(*given)
+    np.testing.assert_allclose(beta, terms / terms.sum(axis=1, keepdims=True), rtol=1e-12)
+    L = terms.sum(axis=1)
+    np.testing.assert_allclose(alive, L * P / (L * P + 1 - P), rtol=1e-12)
+    nothing = np.full((2, 1), -np.inf)
+    beta, _ = page.weigh(nothing, np.zeros((2, 1)), *given[2:])
+    np.testing.assert_array_equal(beta, [[1, 0], [1, 0]])
+
+
+def test_areas_of_gates():
+    S = np.array([np.diag([900.0, 400.0]), np.array([[500.0, 100.0], [100.0, 300.0]])])
+    exact = math.pi * 9.0 * np.sqrt(np.linalg.det(S))
+    np.testing.assert_allclose(page.gate_areas(S, 9.0), exact, rtol=1e-12)
+
+
+def test_the_cost_of_a_linear_scan_is_linear():
+    """Four times the tracks, or the plots, take less than twelve times as long."""
+
+    def seconds(T, M):
+        args = np.zeros((T, M)), np.zeros((T, M)), np.full(T, 0.9), np.full(T, 0.9)
+        association.ljipda(*args)
+        return min(timeit.repeat(lambda: association.ljipda(*args), number=20, repeat=15))
+
+    once = seconds(4, 200)
+    assert max(seconds(16, 200), seconds(4, 800)) < 12 * once
 
 
 def test_empty_radar_kills_the_tracks():
@@ -885,16 +974,84 @@ def test_parameters_that_judge_are_those_of_the_rules():
     assert known["sigma_theta_deg"].default == rule["azimuth error"]
 
 
-def test_no_order_asks_for_a_size_and_the_gaps_are_far_from_the_published():
-    """Section 5.3: the sign of each gap is open, the published size is excluded."""
+def committed(name):
+    return pd.read_csv(paths.PRODUCTS / "ljipda_ai" / f"{name}.csv", index_col=0)
+
+
+def test_the_sign_of_each_gap_is_open_and_the_mean_gap_is_not_the_published_one():
+    """Section 5.3; on the same plots the gaps are hundredths of a metre."""
     judged = claims.verdicts("ljipda_ai").set_index("id")
-    judged = judged[judged.index.str.contains(r"\.order\.(?!st)")]
-    assert list(judged.verdict) == ["inconclusive"] * 9
-    table = pd.read_csv(paths.PRODUCTS / "ljipda_ai" / "open_gaps.csv", index_col=0)
-    here, error = table.here.str.split(" ± ", expand=True).astype(float).to_numpy().T
-    margin = judged.measured.str.rpartition(" ")[2].astype(float)
-    assert sorted(margin) == pytest.approx(sorted(here), abs=6e-4)
-    assert (here + 5 * 2.6 * error < table.published / 2).all()
+    orders = judged[judged.index.str.contains(r"\.order\.(?!st)")]
+    assert list(orders.verdict) == ["inconclusive"] * 9
+    rmse = orders[orders.index.str.startswith("t1")]
+    assert rmse.measured.str.rpartition(" ")[2].astype(float).abs().max() < 0.2
+    gaps = judged.loc[["t1.gap.rmse", "t2.gap.mtr"]]
+    assert list(gaps.verdict) == ["inconclusive"] * 2
+    assert (gaps.measured.astype(float).abs() < gaps.se.astype(float)).all()
+
+
+def test_no_averaging_window_explains_the_published_errors():
+    """Section 5.1, conservatively: errors of a window's mean as if scans were fully correlated."""
+    drawn = committed("fig03").reset_index()
+    read, ratio = claims.read("ljipda_ai"), math.sqrt(1 + 2500 / 100)
+    curves = []
+    for t, axis in ((t, a) for t in (1, 2, 3) for a in (0, 1)):
+        for name, key in (("JIPDA", "jipda"), ("LJIPDA-AI", "ljipda_ai")):
+            panel = drawn[(drawn.panel == t - 1 + 3 * axis) & (drawn.series == name)]
+            value = float(read[f"t1.{key}.track{t}.{'xy'[axis]}"].value)
+            curves.append((panel.y.to_numpy(), panel.se.to_numpy(), value))
+    least = math.inf
+    for a in range(0, 99, 1):
+        for b in range(a + 10, 100):
+            z = [abs(y[a:b].mean() - p) / (ratio * e[a:b].mean()) for y, e, p in curves]
+            least = min(least, max(z))
+    assert least > claims.quantile(points=12)
+
+
+def shares(name, angle):
+    """Kept, swapped, coalesced, lost, in percent."""
+    return np.array(committed("open_fates").loc[name, f"{angle} deg"].split(" / "), float)
+
+
+def test_what_the_text_says_of_the_readings_stands_in_the_tables():
+    """Sections 5.2 and 5.4."""
+    every, one = "LJIPDA-AI", ("LJIPDA-AI, largest prior", "LJIPDA-AI, one gate")
+    for angle in (3, 6):
+        for alike in (
+            every,
+            "IPDA-AI",
+            f"{every}, strict",
+            f"{every}, by plot",
+            f"{every}, squared",
+        ):
+            assert shares(alike, angle)[0] < 1, alike
+        assert all(shares(name, angle)[0] > shares("LJIPDA", angle)[0] for name in one)
+        assert shares(f"{every}, coin", angle)[0] < 10
+        assert shares(f"{every}, always A", angle)[0] > 90
+        assert shares(f"{every}, always B", angle)[0] < 1
+        assert shares("LM-AI, own level", angle)[0] > shares("LM-AI", angle)[0]
+    doses = [shares(f"{every}, ratio at most {high}", 6)[0] for high in (100, 10, 3, 1)]
+    assert doses == sorted(doses)
+    assert doses[0] < 15 < 35 < doses[1] < 50 < doses[2] < 80 < doses[3]
+    assert shares(f"{every}, ratio at least 1", 6)[0] < 1
+    assert shares(f"{every}, ratio at most 1", 3)[0] < shares("LJIPDA", 3)[0] / 2 + 2
+    lost = committed("open_scenes").map(lambda text: float(text.split(" ± ")[0]))
+    for scene in ("cross", "fan"):
+        assert lost.loc["IPDA-AI", scene] < 2 < 25 < lost.loc["JIPDA", scene]
+    late = lost["common, start 5 m/s"]
+    assert min(late["IPDA-AI"], late[every]) > 1.5 * late["JIPDA"]
+    assert late[one[1]] < late["LM-AI"] < late[one[0]] < late[every]
+
+
+def test_what_the_text_says_of_the_map_stands_in_its_data():
+    drawn = pd.read_csv(paths.PRODUCTS / "ljipda_ai" / "open_map.csv")
+    rayleigh = drawn[drawn.clutter.str.startswith("Ray")].set_index(["rule", "angle", "ratio"])
+    assert rayleigh.loc[("LM-AI", 3, 1.0), "swapped"] > 50
+    for angle in (3, 6, 10):
+        assert rayleigh.loc[("LJIPDA-AI", angle, 12.5), "kept"] < 50
+    heavy = drawn[drawn.clutter.str.endswith("0.3") & (drawn.angle >= 10)]
+    kept = heavy.groupby("rule").kept.mean()
+    assert kept.drop("LJIPDA").max() < kept["LJIPDA"] - 5
 
 
 def test_amplitude_ratio_of_the_page_is_that_of_the_core():
@@ -959,8 +1116,10 @@ def test_amplitude_makes_the_linear_method_claim_a_plot_twice_and_not_the_others
     ratio, _, P, D = small_scan()
     loud = detection.amplitude_ratio(np.array([0.2, 16.0, 0.4]), np.full(2, 10.0))
     total = {}
-    for how in (page.VISIBLE, page.STRICT, page.EARLY, page.MODULATED, page.EXACT):
+    one = page.LARGEST, page.LONE, page.MODULATED, page.EXACT
+    for how in (page.VISIBLE, page.STRICT, page.BY_PLOT, page.ALONE, *one):
         shares, alive = page.associate(how, ratio, loud, P, D)
         total[how] = shares[:, 2] @ alive
-    assert min(total[how] for how in (page.VISIBLE, page.STRICT, page.EARLY)) > 1.9
+    assert min(total[how] for how in (page.VISIBLE, page.STRICT, page.BY_PLOT, page.ALONE)) > 1.9
     assert max(total[how] for how in (page.MODULATED, page.EXACT)) < 1 + 1e-9
+    assert max(total[how] for how in one[:2]) < 1.7

@@ -606,7 +606,7 @@ CASES = [
     {"M_new": 0},
     {"M_new": 700, "weight": 0.25, "N": 1},
     {"births": "move", "gate": "always"},
-    {"law": "normal", "turns": "keep", "N": 5},
+    {"births": "keep", "gate": "existence", "N": 5},
 ]
 
 
@@ -779,15 +779,3 @@ def test_the_dead_keep_their_state_or_go_on_along_their_velocity(page, births):
     step = np.array([1.0, 0.0, -0.5, 0.0, 0.0])
     assert np.allclose(moved[dead], S[0] + (step if births == "move" else 0.0))
     assert np.allclose(moved[born], S[0] + step)  # goes on from the state that it has
-
-
-def test_normal_laws_have_the_spreads_of_the_uniform_ones(page):
-    rng, p = np.random.default_rng(23), page.Scenario(law="normal")
-    s = np.array([10.0, 0.5, 8.0, -0.25, 0.3])
-    for law in ("uniform", "normal"):
-        p = replace(p, law=law)
-        S, a = page.draw_near(20_000, s, p, rng), page.accelerations(20_000, p, rng)
-        assert np.allclose(S[:, :4].mean(axis=0), s[:4], atol=0.02)
-        assert np.allclose(S[:, :4].std(axis=0), [0.5, 0.3, 0.5, 0.3], rtol=0.03)
-        assert np.allclose(a.std(axis=0), 0.1, rtol=0.03)
-        assert (abs(S[:, 4]) >= 0.2).all()

@@ -167,6 +167,18 @@ def test_compiled_flight_equals_run(page, p, g, p_cell):
     assert outside >= (5 if g == 2 else 0)
 
 
+@pytest.mark.parametrize("N", [1, 8, 32])
+def test_compiled_flight_of_a_cell_averaging_detector_equals_run(page, p, N):
+    """Its threshold is that of P_f = (1 + eta / N)**-N."""
+    q, law = replace(p, frames=40), lambda P_f: N * (P_f ** (-1 / N) - 1)
+    for i in range(3):
+        scene = quiet_scene(page, q, i)
+        slow = followed(page, scans_of(page, q, scene), q, threshold=law)
+        same_flight(slow, page.fly(scene, page.truth(q), page.design(q, averaged=N)), q)
+        P_f = np.array([page.gate_pfa(math.prod(2 * t.half), q) for t in slow])
+        np.testing.assert_allclose((1 + np.array([t.eta for t in slow]) / N) ** -N, P_f, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("change", "capped"),
     [
@@ -292,6 +304,20 @@ def test_without_a_target_the_chain_keeps_its_promise_and_the_cap_makes_it_small
     assert math.isclose(left(replace(strong, snr0_db=0.0)), p.track_pfa, rel_tol=1e-9)
 
 
+def test_an_uneven_split_of_the_frame_probability_gains_less_than_a_kilometre(page, p):
+    """ln(1 - P_F) divided unevenly over 0, 1, 2 pending misses; the even split is nearly best."""
+    R, ranges = page.truth(p)[2:, 0] / 1e3, {}
+    for first, second in itertools.product(range(1, 9), repeat=2):
+        shares = np.array([first, second, 10 - first - second]) / 10
+        if shares[2] > 0:
+            P_Z = -np.expm1(shares * math.log1p(-p.track_pfa))
+            life = page.chain(p, p_frame=P_Z)
+            ranges[first, second] = float(score.crossing(R, life.entering, 0.5))
+    even = float(score.crossing(R, page.chain(p).entering, 0.5))
+    assert 0 < max(ranges.values()) - even < 1
+    assert min(ranges.values()) < even - 3  # the split matters where it is bad
+
+
 def test_chains_of_many_designs_are_chains_of_each(page, p):
     factors = np.array([0.5, 1.0, 2.0])
     many = page.chain(
@@ -336,6 +362,29 @@ def test_vanished_target_leaves_the_design_probability(page, p):
     assert abs((died > 12).mean() - 0.1) < 4 * math.sqrt(0.1 * 0.9 / 4000)
 
 
+def test_a_track_exists_after_empty_frames_if_a_coasting_gate_had_a_plot(page, p):
+    """What Section 5.6 counts is what `follow` does on drawn cells, for a track without misses."""
+    q, rng, alive = replace(p, sigma_p=9.0), np.random.default_rng(8), 0
+    plots = scans_of(page, q, quiet_scene(page, q))[:12]
+    track = page.follow(page.begin(plots[:2], q), plots[2:], q)[-1]
+    coasting = page.follow(track, [np.empty((0, 3))] * 3, q)
+    i = np.mgrid[-60:61, -4:5].reshape(2, -1).T
+    for _ in range(150):
+        scans, heard, at = [], False, track
+        for gone in coasting:
+            zhat = page.predict(at, q).zhat
+            at = page.Track(gone.x, gone.P)
+            cells = (np.floor(zhat / q.cell) + i + rng.random(i.shape)) * q.cell
+            lam = rng.standard_exponential(len(i)) * 1.3
+            near = (np.abs(kalman.residual(cells, zhat)) <= gone.half).all(axis=1)
+            heard |= bool((near & (lam > gone.eta)).any())
+            scans.append(np.column_stack([cells, lam]))
+        exists = page.follow(track, scans, q)[-1].misses < q.miss_limit
+        assert exists == heard
+        alive += exists
+    assert 20 < alive < 130
+
+
 def test_threshold_has_its_floor(page, p):
     """D is never smaller than R, so eta >= ln(32 / (P_Z S)) with the default accuracies."""
     z = page.truth(p)
@@ -369,6 +418,21 @@ def test_filter_is_consistent_in_the_nominal_scene(page, p):
     assert abs(np.mean(nees) - 4) < 4 * math.sqrt(8 / n)
 
 
+def test_the_error_falls_at_first_if_the_plots_do_not_get_worse(page, p):
+    """The cause of f4.error.initial by doses: a target at full speed, at half of it, at rest."""
+    falls, n = {}, 2500
+    for speed in (500.0, 250.0, 0.0):
+        q = replace(p, speed=speed, frames=11)
+        z, d = page.truth(q), page.design(q)
+        each = [page.residuals(page.simulate(z, q, generator(i, 21)), z, d)[2] for i in range(n)]
+        error = np.array(each)
+        falls[speed] = error[:, 0] - error[:, 10]
+        se = falls[speed].std() / math.sqrt(n)
+        assert falls[speed].mean() * (-1 if speed == 500 else 1) > 3 * se
+    assert falls[500.0].mean() < falls[250.0].mean() < falls[0.0].mean()
+    assert falls[0.0].mean() > 0.4 * error[:, 0].mean()  # to half, nearly
+
+
 @pytest.mark.parametrize("g", [2.0, 4.0, 5.0])
 def test_residuals_are_those_of_run(page, p, g):
     """Against `predict` and `run` on plots that are always detected, within 4 or g deviations."""
@@ -383,7 +447,7 @@ def test_residuals_are_those_of_run(page, p, g):
             page.Track(*kalman.two_point(*plots[:2], *page.variances(plots[:2, 0], p), p.scan))
         ]
         tracks += page.run(scans, wide)
-        out, inside = page.residuals(scene, z, page.design(p))
+        out, inside, error = page.residuals(scene, z, page.design(p))
         spreads, expected = [page.predict(track, p) for track in tracks[:-1]], []
         for k, at in enumerate(spreads, start=2):
             each = [kalman.residual(place, at.zhat) for place in (z[k], plots[k])]
@@ -391,6 +455,11 @@ def test_residuals_are_those_of_run(page, p, g):
         np.testing.assert_allclose(out, expected, rtol=1e-6, atol=1e-9)
         assert inside == np.mean((np.abs(out[:, 2:]) <= g).all(axis=1))
         assert inside < 1 or g == 5.0
+        away = [
+            math.dist(t.x[::2], kalman.cartesian(at))
+            for t, at in zip(tracks[1:], z[2:], strict=True)
+        ]
+        np.testing.assert_allclose(error, away, rtol=1e-6, atol=1e-6)
 
 
 def test_the_error_of_a_crossing_is_that_of_many_runs():
@@ -753,6 +822,7 @@ def test_another_detector_and_a_constant_threshold(page, p):
     assert {t.eta for t in given(p_cell=1e-3)} == {-math.log(1e-3)}
     twice = given(threshold=lambda P_f: 2 * detection.threshold(P_f))
     assert math.isclose(twice[0].eta, 2 * given()[0].eta)
+    assert {t.eta for t in given(threshold=lambda P_f: 0.0 * P_f)} == {0.0}  # of a small gate
 
 
 # Plots that contradict what `run` was told --------------------------------------------------------
