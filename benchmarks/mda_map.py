@@ -154,7 +154,7 @@ def scores(table):
                 names = [*cell, *np.atleast_1d(way), *prior, eq25]
                 lines.append([*names, z2[::2].mean(), z2[1::2].mean(), met])
     columns = [*CHOICES, "chosen on", "checked on", "met"]
-    return pd.DataFrame(lines, columns=columns).sort_values("chosen on", kind="stable")
+    return pd.DataFrame(lines, columns=columns).sort_values("chosen on").reset_index(drop=True)
 
 
 def key(cell):
