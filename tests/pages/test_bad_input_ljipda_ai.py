@@ -191,7 +191,7 @@ def test_columns_in_another_order_are_named():
 def test_sixteen_tracks_are_the_limit_of_exact_association_only():
     many = replace(SETUP, x=np.tile(X, (9, 1)))
     for method in set(page.METHODS) - {"JIPDA", "JIPDA-AI"}:
-        assert np.isfinite(page.run(SCANS[:3], many, method=method).x).all()
+        assert np.isfinite(page.states(SCANS[:3], many, method)[0]).all()
     for method in ("JIPDA", "JIPDA-AI"):
         with pytest.raises(ValueError, match="^x: 18 tracks, the limit of exact association is 16"):
             page.run(SCANS[:3], many, method=method)
