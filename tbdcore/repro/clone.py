@@ -73,7 +73,7 @@ def citation(text, known):
 
 def project(text, known):
     """The text of pyproject.toml with the address as the project's URL, if it is known."""
-    if not known.address or "[project.urls]" in text:
+    if not known.address or re.search(r"(?m)^\[project\.urls\]", text):
         return text
     return f'{text}\n[project.urls]\nSource = "{known.address}"\n'
 
