@@ -152,13 +152,16 @@ class Links(HTMLParser):
 
     def __init__(self, file):
         super().__init__()
-        self.ids, self.links = set(), []
+        self.ids, self.links, self.words = set(), [], []
         self.feed(file.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attributes):
         known = dict(attributes)
         self.ids.add(known.get("id"))
         self.links += [known[name] for name in ("href", "src") if known.get(name)]
+
+    def handle_data(self, text):
+        self.words += text.split()
 
 
 def assert_filters(fragment):
@@ -180,6 +183,20 @@ def test_every_link_leads_somewhere():
                 assert_filters(to.fragment)
             elif to.scheme == "" and to.fragment and target in known:
                 assert unquote(to.fragment) in known[target].ids, f"{file.name}: {link}"
+
+
+@pytest.mark.parametrize("first", ["index.html", "notebooks/00_index.html"])
+def test_claims_products_and_readings_are_two_clicks_from_the_index(first):
+    links = [urlsplit(link) for link in Links(BOOK / first).links]
+    paths_of = {unquote(to.path) for to in links if not to.scheme and to.path.endswith(".html")}
+    near = [Links(((BOOK / first).parent / path).resolve()) for path in paths_of]
+    anchors = set().union(*(page.ids for page in near))
+    every = {f"{paper}.{id}" for paper in claims.papers() for id in claims.read(paper)}
+    assert every | {*cite.ids(), *cite.retired()} <= anchors
+    shown = "\n".join(" ".join(page.words) for page in near)
+    names = [" ".join(name.split()) for paper in claims.papers() for name in claims.readings(paper)]
+    assert names
+    assert [name for name in names if name not in shown] == []
 
 
 def test_no_two_pages_have_one_title():
