@@ -224,12 +224,13 @@ def markdown(frame):
 
 
 _LETTERS = """alpha beta gamma delta eta theta kappa lambda mu pi rho sigma tau phi chi omega
-Delta Lambda Sigma Omega le ge times to pm"""
-_SYMBOLS = zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→±", _LETTERS.split(), strict=True)
+Delta Lambda Sigma Omega le ge times to pm infty approx"""
+_SYMBOLS = zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→±∞≈", _LETTERS.split(), strict=True)
 _TEX = {c: "\\" + c for c in "&%$#_{}"} | {c: rf"\ensuremath{{\{name}}}" for c, name in _SYMBOLS}
 _TEX |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 _TEX = str.maketrans(_TEX)
 _SYMBOL = re.compile(r"\b([A-Za-z])_([A-Za-z0-9]{1,3}|FA|TAR)\b")  # P_d, R_T, r_P
+_LONG = re.compile(r"(?<=[a-z]{2})_(?=[a-z]{2})")  # tested_from may be broken, P_d not
 _NUMBER = re.compile(r"[-+−]?[\d.]+(e[-+]?\d+)?( ± [\d.]+)?|")
 
 
@@ -238,24 +239,44 @@ def latex(frame):
 
     Cells in dollars stay mathematics, symbols such as P_d and ± become it, everything else is
     escaped; columns of numbers are aligned to the right.  Headers wider than their column are
-    broken, and so are long texts.
+    broken, and so are long texts, in columns of 13 em or what a page on its side leaves for them.
     """
     header, *rows = _cells(frame)
+    columns = [*zip(header, *rows, strict=True)]
+    long, em = _broken(columns)
     head, form = [], ""
-    for name, *column in zip(header, *rows, strict=True):
+    for is_long, (name, *column) in zip(long, columns, strict=True):
         width = max(map(len, column), default=0)
         place = "r" if all(map(_NUMBER.fullmatch, column)) else "l"
         head.append(_stack(name, max(width, 9), place))
-        form += "p{13em}" if width > 34 else place
+        form += f"p{{{em}em}}" if is_long else place
     lines = [" & ".join(line) + r" \\" for line in (head, *(map(tex, row) for row in rows))]
     lines = [rf"\begin{{tabular}}{{{form}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
 
+def _broken(columns):
+    """Which columns are broken into lines, and how wide, in em: those of more than 34 letters, 13;
+    where that is wider than a page on its side, 540 pt at 8 pt, every text, to what room is left.
+    """
+    widths = [max(map(len, column), default=0) for _, *column in columns]
+    texts = (" ".join([_LONG.sub("_ ", name), *column]) for name, *column in columns)
+    words = [max(map(len, text.split()), default=0) for text in texts]
+    for least in (34, 14):
+        long = [w > max(least, word) for w, word in zip(widths, words, strict=True)]
+        kept = [max(w, word) for w, word, it in zip(widths, words, long, strict=True) if not it]
+        room = 540 - sum(4.1 * width for width in kept) - 6 * len(columns)
+        em = int(room / 8.5 / max(1, sum(long)))
+        if em >= 13 * any(long):
+            break
+    return long, max(5, min(em, 13))
+
+
 def _stack(text, width, place):
     """A header in as many lines as its column's width asks for."""
-    lines = [text] if "$" in text else textwrap.wrap(text, width, break_long_words=False)
-    stacked = r" \\ ".join(map(tex, lines))
+    parts = textwrap.wrap(_LONG.sub("_ ", text), width, break_long_words=False)
+    lines = [text] if "$" in text or len(text) <= width else parts
+    stacked = r" \\ ".join(tex(line.replace("_ ", "_")) for line in lines)
     return stacked if len(lines) < 2 else rf"\shortstack[{place}]{{{stacked}}}"
 
 

@@ -121,6 +121,15 @@ def test_a_report_with_every_figure_and_table_compiles_with_plain_pdflatex(tmp_p
     assert compiled(tmp_path, body) == []
 
 
+def test_what_is_given_to_latex_has_only_characters_that_it_sets():
+    texts = {id: cite.text(id, "latex") for id in cite.ids()}
+    tables = {file.name: file.read_text(encoding="utf-8") for file in paths.PRODUCTS.rglob("*.tex")}
+    found = {
+        name: set(re.findall(r"[^\x00-\x7f\xa1-\xff–—]", text)) for name, text in (texts | tables).items()
+    }
+    assert {name: odd for name, odd in found.items() if odd} == {}
+
+
 def test_the_width_of_a_tabular():
     """By hand: a letter is 4.1 pt, a cell 8 to 27 letters wide, 6 pt lie between."""
     head = "name & value \\\\\n"
