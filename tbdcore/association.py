@@ -296,15 +296,18 @@ def ljipda_spec(log_ratio, log_amplitude, existence, detect):
     return np.column_stack([(1 - detect) / (1 - delta), beta]), posterior  # (24)
 
 
+# Hungarian method with shortest augmenting paths (Jonker and Volgenant 1987).  Track by track, the
+# shortest path to a free column is found; a path enters a column that is not free, and goes on from
+# the track that holds it.  Then each track on the path takes the next column of it.
+#   holder[j] : track that holds column j, or -1; before[j] : the column before j on the path
+#   length[j] : of the path to j, less that to the column that was closed last
 @kernel
 def _potentials(log_w, log_miss):
-    """Dual variables (of tracks, of plots) of the best joint event, which is an assignment.
+    """Dual variables a (T,) of the tracks and v (M,) of the plots, with which jipda scales.
 
-    With them each log_w + track + plot, log_miss + track and plot is at most 0, and 0 in the best
-    event.  Hungarian method with shortest augmenting paths (Jonker and Volgenant 1987) on the costs
-    -log_w, with a private column for each track, its miss, after those of the plots: a search for
-    each track goes from column to column by way of the tracks that hold them, ``length`` from the
-    root, by way of ``before``, to a free one; then each track on the path takes the next column.
+    log_w[t, m] + a[t] + v[m], log_miss[t] + a[t] and v[m] are at most 0, and 0 where they are
+    factors of the best joint event.  This event is an assignment of tracks to columns: the M plots
+    at cost -log_w, and for each track a private column, its miss, at cost -log_miss.
     """
     T, M = log_w.shape
     root = M + T  # the column where each search begins; the new track stands in it
@@ -339,6 +342,8 @@ def _potentials(log_w, log_miss):
         while column != root:
             holder[column] = holder[before[column]]
             column = before[column]
+    # The dual of a private column is at most 0, and 0 unless its track holds it: log_miss needs it,
+    # and log_w of a pair in the best event is not changed by it.
     return track_dual + column_dual[M:root], column_dual[:M].copy()
 
 
@@ -346,9 +351,10 @@ def _potentials(log_w, log_miss):
 def _subset_marginals(w, miss, idle):
     """Marginals (T, M + 1) of all joint events, column 0 the miss; see the head of this module.
 
-    w (T, M), miss (T,), idle (M,) : factors of a pair, a lone track, a lone plot, at most one.
-    Bit t of the integer A says that the set A of used tracks has track t.  ``ahead[A]`` is F_m(A)
-    of the plot in hand; ``back[m, A]`` is B_m(A), the sum of all completions from plot m on.
+    w (T, M), miss (T,), idle (M,) : factors of a pair, a lone track, a lone plot; all at most 1.
+    Bit t of the integer A says that the set A of used tracks has track t.  With plots counted from
+    0, ``ahead[A]`` is F_m(A), the sum of all ways in which the plots before m use exactly A, and
+    ``back[m, A]`` is B_m(A), the sum of all ways to go on from plot m, misses included.
     """
     T, M = w.shape
     full = 1 << T
@@ -408,6 +414,9 @@ def jipda(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Resul
                 raise ValueError("association.jipda: log_ratio is NaN, above 1e9 or below -1e9")
             if existence[t] > 0.0:
                 log_w[t, m] = math.log(detect[t] * existence[t]) + log_ratio[t, m]
+    # Every joint event has each track once, with a plot or missed, and each plot once, with a track
+    # or alone: exp(a) and exp(v) multiply all events by the same number, and change no marginal.
+    # From here on log_w and log_miss hold the scaled factors themselves, not their logarithms.
     a, v = _potentials(log_w, log_miss)
     for t in range(T):
         log_miss[t] = math.exp(log_miss[t] + a[t])

@@ -374,8 +374,9 @@ def _first_map(values, z, rows, width):
 def _box_forward(values, z, changed, width, lowest, position):
     """The loop of :func:`forward` for a velocity that is kept.
 
-    A state of velocity v comes from ``count`` cells in a row on each axis: from those that are
-    v - slack back, slack the lowest allowed one, to those that are count - 1 less.
+    It is a maximum filter: on each axis the predecessors of a state in cell i with velocity v are
+    the ``count`` cells from i - v + slack on, where ``slack`` is the lowest allowed one.
+    Changed rows, and margin columns, as in :func:`_changing_forward`.
     """
     allowed = np.flatnonzero(position)
     slack = allowed[0] - position.size // 2
@@ -384,7 +385,7 @@ def _box_forward(values, z, changed, width, lowest, position):
     maps = values.reshape(values.size)
     frames = z.reshape(z.size)
     none = frames[:0]
-    best = np.full(X * Y, -np.inf, values.dtype)  # of the second axis; its margin stays -inf
+    best = np.full(X * Y, -np.inf, values.dtype)  # of the second axis; margin rows stay -inf
     work = np.empty(2 * X * Y, values.dtype)
     _first_map(values, z, changed, width)
     for iv, jv in np.ndindex(V, V):
@@ -462,12 +463,16 @@ class _Axis(NamedTuple):
 def _changing_forward(values, z, changed, width, lowest, weights, prices):
     """The loop of :func:`forward` for a velocity that changes: in each frame, axis by axis.
 
-    With (iv, jv, i, j) as above, v and w the velocities of iv + r and jv + s, and g the weight of
-    a slack and a change:
+    changed : (K, 2) first and end of the rows in which a frame differs from that of the old maps.
+    From these, first and end bound the rows of map k that can differ.  State, slacks m, n and
+    changes r, s are as at the head of this module.  With v and w the velocities of the predecessor,
+    of indices iv + r and jv + s, and g the weight of a slack and a change:
         between[iv, jv, i, j] = max over n, s of g[n, s] I_{k-1}[iv, jv + s, i, j - w + n]
         I_k[iv, jv, i, j] = z_k[i, j] + max over m, r of g[m, r] between[iv + r, jv, i - v + m, j]
     Both lines are :func:`_one_axis`: along an axis neighbouring velocities and cells are _Axis
     values apart in memory.  The value of (iv, jv, i, j) is at ((iv V + jv) X + i) Y + j.
+    Whole rows are computed.  In their margin columns a read may leave the row; what it finds has no
+    effect, because the frame adds -inf there.
     """
     K, V, _, X, Y = values.shape
     size = X * Y
@@ -512,7 +517,7 @@ def _one_axis(new, to, old, at, axis, weights, prices, cells, frame, best):
     """
     start, n = cells
     piece = PIECE // best.itemsize
-    V = best.size // piece - 2
+    V = best.size // piece - 2  # numbers of velocities: best has V + 2 rows
     none = frame[:0]
     for x in range(start, start + n, piece):
         shape = V, min(piece, start + n - x)
@@ -521,9 +526,9 @@ def _one_axis(new, to, old, at, axis, weights, prices, cells, frame, best):
         if len(weights) == 3:
             _coupled(new, target, old, source, shape, weights, frame, x)
         else:
-            rows = piece, piece
+            rows = piece, piece  # v + 1 for velocity v
             _separate(best, rows, old, source, shape, weights[0], prices, none, 0)
-            slacks = 0, piece, piece
+            slacks = 0, piece, piece  # rows v, v + 1 and v + 2, for the changes -1, 0, 1
             _separate(new, target, best, slacks, shape, weights[1], prices, frame, x)
 
 
@@ -531,7 +536,8 @@ def _one_axis(new, to, old, at, axis, weights, prices, cells, frame, best):
 def _separate(target, to, source, at, shape, weights, prices, frame, origin):
     """target[v, x] = max of source[v, x + c step] weights[c], c = 0, 1, 2, plus frame[x] if any.
 
-    Prices are subtracted instead.  A weight of 0 leaves its value out: the middle one stands in.
+    Prices are subtracted instead.  A weight of 0 leaves its value out: 0 times -inf would be NaN,
+    so the middle one stands in.
     to : offset of [0, 0] in the flat target, and how far the next v is; at : the same of the
     source, then the step; shape : numbers of v and x; origin : offset of frame[0].
     """
@@ -568,7 +574,10 @@ def _separate(target, to, source, at, shape, weights, prices, frame, origin):
 
 @kernel
 def _coupled(target, to, source, at, shape, table, frame, origin):
-    """As _separate: max of source[v + r - 1, x + c step] table[c, r], r and c from 0 to 2."""
+    """As _separate: max of source[v + r - 1, x + c step] table[c, r], r and c from 0 to 2.
+
+    All weights are positive.  At either end of the velocities r = 1 is taken twice.
+    """
     first, apart, step = at
     V, n = shape
     o, s = np.uint64(origin), np.uint64(step)

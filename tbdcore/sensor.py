@@ -139,7 +139,8 @@ def _row_sum(z, i, j, w):
 def _blob_sums(z, S, present, g, decay, peak, noise):
     """The log-ratios (N,): the two sums of :func:`blob_log_ratio`; 0 of particles not present.
 
-    present, g : from _blob_exponents, and the exponentials of what it returns
+    present : indices of the particles with a cell in the frame
+    g : (n, 3) g_i g_j of the nearest cell, exp(-d / b**2) of the rows, and of the columns
 
     Both sums are in units of the nearest cell's g_i g_j, which is ``centre``.  The five weights of
     an axis, x of the rows and y of the columns, are then 1 in the middle:
@@ -193,6 +194,7 @@ def blob_log_ratio(
     """
     if S.shape[1] < 3:
         raise ValueError("blob_log_ratio: S: give (N, d), x in column 0 and y in column 2")
+    # exp(decay) must be finite: _five_weights has exp(-d / b**2)**2, |d| up to 0.5
     decay = min(1.0 / (blur * blur), 700.0)  # a sharper blob has 1e-38 of its peak beyond its cell
     present, g = _blob_exponents(S, r, *z.shape, blur, decay)
     np.exp(g, out=g)  # NumPy's takes a fifth of the time of a compiled loop's
@@ -505,11 +507,12 @@ def power_log_ratio(
 # How the sum over a patch is computed.  With s = snr h**2, a number of the cell's row times one of
 # its column, the log-ratio is  sum z s / (1 + s) - log prod (1 + s).  To make it fast:
 # - Five cells of a column are one fraction: its denominator, the product of their 1 + s, is needed
-#   anyway, and one division serves all five.
+#   anyway, and one division serves all five.  With z and s up to HIGH, five stay below 1e301.
 # - The product runs over the patch and its logarithm is taken once, by power_log_ratio; only where
 #   it would overflow are logarithms taken on the way.
 # - Particles in one cell have the same patch z.  Where TOGETHER or more share a cell, they are the
 #   inner loop, and the processor does several at once (_weigh_together); others go one by one.
+#   Both ways do the same operations in the same order: a particle's bits do not depend on the way.
 
 TOGETHER = 8  # particles of one cell from which on they are the inner loop
 MOST_TOGETHER = 256  # at most: their arrays stay in the first-level cache
@@ -593,7 +596,10 @@ def _five(z, rows, j):
 
 @kernel
 def _fraction(z, g, h):
-    """Numerator and denominator of the sum of z s / (1 + s) over five cells, s = g h."""
+    """Numerator and denominator of the sum of z s / (1 + s) over five cells, s = g h.
+
+    g, h : the factors of the rows (with the intensity) and of the column
+    """
     s = g[0] * h
     numerator = z[0] * s
     denominator = 1.0 + s
@@ -628,7 +634,7 @@ def _weigh_together(members, z, cell, snr, peaks, spread, total, product):
     nr, na = z.shape
     _, _, hr, ha = spread
     fr, fa = _decays(spread)
-    size = members.size + -members.size % 8  # whole vectors; the last columns are not used
+    size = members.size + -members.size % 8  # columns that fill up are dropped
     particles = np.zeros(size, np.int64)
     particles[: members.size] = members
     gr = np.zeros((2 * hr + 5, size))

@@ -125,7 +125,8 @@ def test_what_is_given_to_latex_has_only_characters_that_it_sets():
     texts = {id: cite.text(id, "latex") for id in cite.ids()}
     tables = {file.name: file.read_text(encoding="utf-8") for file in paths.PRODUCTS.rglob("*.tex")}
     found = {
-        name: set(re.findall(r"[^\x00-\x7f\xa1-\xff–—]", text)) for name, text in (texts | tables).items()
+        name: set(re.findall(r"[^\x00-\x7f\xa1-\xff–—]", text))
+        for name, text in (texts | tables).items()
     }
     assert {name: odd for name, odd in found.items() if odd} == {}
 

@@ -226,6 +226,20 @@ def test_exact_marginals_survive_any_evidence(size, seed):
     )
 
 
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+def test_potentials_scale_the_best_event_to_one_and_all_factors_to_at_most_one(seed):
+    rng = np.random.default_rng(seed)
+    log_w, log_miss = rng.normal(0, 30, (3, 4)), rng.normal(0, 30, 3)
+    a, v = association._potentials(log_w, log_miss)
+    assert max((log_w + a[:, None] + v).max(), (log_miss + a).max(), v.max()) < 1e-9
+    sums = [
+        sum(log_miss[t] if m < 0 else log_w[t, m] for t, m in enumerate(event))
+        for event in itertools.product([-1, *range(4)], repeat=3)
+        if len(set(used := [m for m in event if m >= 0])) == len(used)
+    ]
+    np.testing.assert_allclose(max(sums) + a.sum() + v.sum(), 0, atol=1e-9)
+
+
 @pytest.mark.parametrize("method", ALL)
 def test_nothing_overflows(method):
     log_ratio = np.array([[1e4, 9e3, -1e4], [1e4, -np.inf, 8e3]])
