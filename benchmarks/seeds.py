@@ -4,6 +4,8 @@ Every paper, or each one that is named, is swept over nine seeds at its defaults
 verdicts, those of the notebook's own seed, each claim has ten verdicts.  ``data/seeds.csv`` counts
 them, and has the verdict of each number on the trials of all seeds together.  Runs that are done
 with the same sources are not made again, so an interrupted study goes on where it stopped.
+
+``python -m benchmarks.seeds PAPER CLAIM ...`` does so for some claims, by the cells that they need.
 """
 
 import subprocess
@@ -12,6 +14,7 @@ import sys
 import numpy as np
 import pandas as pd
 
+from benchmarks import rows
 from tbdcore.repro import claims, cli, pages, paths, products, scorecard
 
 SEEDS = range(21, 30)  # the notebooks' own seed is 20
@@ -25,6 +28,17 @@ def sweep(paper):
     swept = pd.read_csv(paths.BUILD / "sweep" / paper / "seed.csv", dtype=str)
     own = claims.verdicts(paper, paths.PRODUCTS).rename(columns={"id": "claim"})
     return pd.concat([own.assign(value="own"), swept], ignore_index=True)
+
+
+def single(paper, ids):
+    """Verdicts of every seed on some claims of a paper, the committed ones among them."""
+    own = claims.verdicts(paper, paths.PRODUCTS).rename(columns={"id": "claim"})
+    found = [own[own["claim"].isin(ids)].assign(value="own")]
+    for seed in SEEDS:
+        table = pd.DataFrame(rows.verdicts(paper, ids, seed=seed).values()).astype(str)
+        found.append(table.rename(columns={"id": "claim"}).assign(value=str(seed)))
+        print(seed, *table["verdict"], flush=True)
+    return pd.concat(found, ignore_index=True)
 
 
 def counts(tables):
@@ -47,14 +61,21 @@ def together(tables):
     for paper, table in tables.items():
         ledger = claims.Ledger(paper, strict=False)
         numbers = [id for id, claim in ledger.claims.items() if claim.kind == "number"]
-        for id, rows in table[table["claim"].isin(numbers)].groupby("claim", sort=False):
-            texts = rows[["measured", "se", "n"]]
+        for id, runs in table[table["claim"].isin(numbers)].groupby("claim", sort=False):
+            texts = runs[["measured", "se", "n"]]
             m, se, n = texts.apply(pd.to_numeric, errors="coerce").to_numpy().T
-            if np.isfinite(m + se + n).all() and "depends" not in set(rows["verdict"]):
+            if np.isfinite(m + se + n).all() and "depends" not in set(runs["verdict"]):
                 error = np.sqrt((se**2).sum()) / len(se)
                 verdict = ledger.judged(ledger.claims[id], m.mean(), error, n.sum()).verdict
                 found.append((paper, id, verdict))
     return pd.DataFrame(found, columns=["paper", "claim", "together"])
+
+
+def replaced(table, old):
+    """An old table, with the rows of some claims made anew."""
+    new, old = (each.set_index(["paper", "claim"]) for each in (table, old))
+    both = pd.concat([new, old])
+    return both[~both.index.duplicated()].loc[old.index].reset_index()
 
 
 def merged(table, old, papers):
@@ -67,16 +88,21 @@ def merged(table, old, papers):
 
 def main():
     """Make the study and write the file, with the commit and the command in its first line."""
-    papers = [pages.paper_of(word, pages.papers()) for word in sys.argv[1:]] or pages.papers()
+    words = sys.argv[1:]
+    known = claims.read(pages.paper_of(words[0], pages.papers())) if words else {}
+    ids = [word for word in words if word in known]
+    papers = [pages.paper_of(word, pages.papers()) for word in words if word not in ids]
+    papers = papers or pages.papers()
     git = ["git", "-C", str(paths.ROOT), "describe", "--always", "--dirty"]
     commit = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
-    tables = {paper: sweep(paper) for paper in papers}
+    tables = {paper: single(paper, ids) if ids else sweep(paper) for paper in papers}
     table = counts(tables).merge(together(tables), how="left")
-    file, words = paths.SEEDS, " ".join(["python -m benchmarks.seeds", *sys.argv[1:]])
+    file, said = paths.SEEDS, " ".join(["python -m benchmarks.seeds", *words])
     before = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
-    heads = [line for line in before if line.startswith("#") and sys.argv[1:]]
-    head = "".join(f"{line}\n" for line in [*heads, f"# {words}, at commit {commit}"])
-    table = merged(table, scorecard.study(), papers)
+    heads = [line for line in before if line.startswith("#") and words]
+    head = "".join(f"{line}\n" for line in [*heads, f"# {said}, at commit {commit}"])
+    old = scorecard.study()
+    table = replaced(table, old) if ids else merged(table, old, papers)
     products.write(file.parent, {file.name: head.encode() + products.csv(table)})
 
 
