@@ -40,8 +40,8 @@ def names(source):
             stored = isinstance(node.ctx, ast.Store) and id(node) not in added
             place = (node.lineno, stored, node.col_offset)
             first[node.id] = min(first.get(node.id, place), place)
-    used = {it.get_name() for it in known if it.is_referenced()}
-    used = {it for it in used if it not in made or not first.get(it, (0, False))[1]}
+    used = {it.get_name() for it in known if it.is_referenced()} - made
+    used |= {name for name, (_, stored, _) in first.items() if not stored and name in made}
     return Names(made, {*map(_root, ast.walk(tree))} - made - {None}, used | _inner(table))
 
 
