@@ -33,7 +33,7 @@ def depending(every):
     for paper, group in rows.groupby("paper", sort=False):
         ids, notebook = ", ".join(f"`{id}`" for id in group["id"]), pages.path(paper)
         parts.append(f"[{notebook.stem}](notebooks/{notebook.name}) {ids}")
-    said = f"\nOn a [reading](data/readings.csv) depend {'; '.join(parts)}.\n"
+    said = f"\nThese depend on a [reading](data/readings.csv): {'; '.join(parts)}.\n"
     return said if parts else ""
 
 

@@ -95,7 +95,7 @@ def _together(every):
         ids = ", ".join(f"`{id}`" for id in rows["id"])
         changed.setdefault(paper, []).append(f"{ids} ({new}, not {old})")
     parts = [f"{_link(paper)} {', '.join(texts)}" for paper, texts in changed.items()]
-    said = f"another verdict on {'; '.join(parts)}" if parts else "the same verdicts"
+    said = f"these another verdict: {'; '.join(parts)}" if parts else "the same verdicts"
     return f"\nAll [seeds](data/seeds.csv) together give {said}.\n" if len(studied) else ""
 
 

@@ -58,7 +58,8 @@ def test_one_sentence_names_the_rows_that_depend_on_a_reading():
     every = pd.DataFrame(rows, columns=["paper", "id", "verdict"])
     said = front.depending(every)
     assert said == (
-        "\nOn a [reading](data/readings.csv) depend [01_dp_tbd](notebooks/01_dp_tbd.ipynb) `a`; "
+        "\nThese depend on a [reading](data/readings.csv): "
+        "[01_dp_tbd](notebooks/01_dp_tbd.ipynb) `a`; "
         "[03_mda_tbd](notebooks/03_mda_tbd.ipynb) `c`.\n"
     )
     assert front.depending(every[every["verdict"] == "differs"]) == ""

@@ -26,10 +26,8 @@ def test_a_row_that_depends_is_counted_and_listed(folder):
     (said, line) = sorted(
         each for each in paths.README.read_text().splitlines() if "01_tiny" in each
     )
-    assert (
-        said
-        == "On a [reading](data/readings.csv) depend [01_tiny](notebooks/01_tiny.ipynb) `mean`."
-    )
+    words = "These depend on a [reading](data/readings.csv): "
+    assert said == words + "[01_tiny](notebooks/01_tiny.ipynb) `mean`."
     assert "| 2 | 1 | 0 | 1 | 0 | 1 untestable |" in line
     card = pd.read_csv(folder / "figures" / "scorecard.csv").set_index("id")
     assert list(card["readings"].dropna()) == ["1 of 2: all reproduced, half differs"]
@@ -43,7 +41,7 @@ def test_a_row_that_depends_is_counted_and_listed(folder):
 @pytest.mark.parametrize(
     ("together", "said"),
     [
-        ("differs", "All [seeds](data/seeds.csv) together give another verdict on "
+        ("differs", "All [seeds](data/seeds.csv) together give these another verdict: "
          "[01_tiny](notebooks/01_tiny.ipynb) `order` (differs, not reproduced)."),
         ("reproduced", "All [seeds](data/seeds.csv) together give the same verdicts."),
     ],

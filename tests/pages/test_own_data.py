@@ -185,6 +185,26 @@ def settings_01_M(folder):
     assert V_T[0] < V_T[1]
 
 
+def settings_01_algorithm(folder):
+    """A strong turn: one set has the path, the other has not; straight, both have it."""
+    page, k = tbdcore.page("dp_tbd"), np.arange(9)
+    turn = np.c_[4 + 2 * k, 4 + np.round(0.2 * k**2)].astype(int)  # 0.4 cells per frame squared
+    straight = np.c_[4 + 2 * k, 4 + k]
+    p = page.Scenario(K=9, grid=(28, 28), M=4)
+    for path, sets in (
+        (turn, {page.weighted}),
+        (straight, {page.weighted, page.tonissen}),
+    ):
+        z = noise.gaussian((9, 28, 28), np.random.default_rng(1))
+        z[k, *path.T] += 9.0
+        whole = {
+            each
+            for each in (page.weighted, page.tonissen)
+            if (page.detect(z, p, 1.0, algorithm=each, most=1)[0].cells == path).all()
+        }
+        assert whole == sets
+
+
 def blobs(folder):
     page, file = tbdcore.page("mm_pf_tbd"), np.load(folder / "build/counts.npz")
     z = recording.normalise(file["frames"], recording.background(file["frames"][:1000]))[1000:]
@@ -236,6 +256,17 @@ def settings_03_sd(folder):
     z = recording.inject(z, path, 300.0, 1.5, rng, "exponential")
     found = 2**0.5 * recording.blur_of(z, "exponential", 20.0).value
     assert found == pytest.approx([1.5, 1.5], abs=0.15)
+
+
+def settings_03_start(folder):
+    run, page = echoes(folder), tbdcore.page("mda_tbd")
+    advised = {"source": "averaged", "births": "power"}
+    first = [(run(**it).existence > 0.5).argmax() for it in ({}, advised)]
+    assert first[1] < first[0]
+    cells = {"nr": 48, "na": 32, "dr": 5.0, "da": 0.01, "r_min": 2000.0, "sd_r": 1.5, "sd_a": 1.5}
+    p = page.scenario(**cells, N=3000, B=1000, **advised)
+    empty = noise.exponential((200, 48, 32), np.random.default_rng(1))
+    assert page.run(empty, p, np.random.default_rng(1)).existence.max() < 0.5
 
 
 def settings_03_known(folder):
@@ -354,10 +385,12 @@ def settings_05_snr(folder):
 SETTINGS = {
     ("01", "`K`"): settings_01_K,
     ("01", "`M`"): settings_01_M,
+    ("01", "`algorithm`"): settings_01_algorithm,
     ("02", "`blur`"): settings_02_blur,
     ("02", "`amplitude`"): settings_02_amplitude,
     ("02", "`M`, `M_new`"): settings_02_M,
     ("03", "`sd_r`, `sd_a`"): settings_03_sd,
+    ("03", '`source="averaged"`, `births="power"`'): settings_03_start,
     ("03", '`source="known"`, `R`'): settings_03_known,
     ("03", '`source="state"`, `P_max`, `P_walk`'): settings_03_state,
     ("03", '`likelihood="averaged"`'): settings_03_averaged,
