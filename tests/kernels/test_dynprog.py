@@ -255,6 +255,15 @@ def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
         assert path[0].tolist() == before
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_before_a_state_without_a_predecessor_the_path_is_minus_one(name):
+    I = np.full((3, 6, 6, 20, 20), -np.inf)
+    state = [2, 2, 9, 9]
+    I[2][tuple(state)] = 1.0
+    path = dynprog.path(I, tuple(state), transition(name, 3))
+    assert path.tolist() == [[-1] * 4, [-1] * 4, state]
+
+
 # Maps that are updated
 
 
