@@ -91,6 +91,16 @@ def test_a_blurred_target_has_its_full_energy_in_the_matched_filter():
     assert baseline.matched_filter(h, 0.8)[0, 12, 12] == pytest.approx(np.sqrt((h**2).sum()))
 
 
+@pytest.mark.parametrize("blur", [0.6, 2.0])
+def test_a_place_with_less_than_a_tenth_of_its_energy_known_is_no_evidence(blur):
+    z, h = np.zeros((1, 41, 41)), np.exp(-(np.arange(-40, 41) ** 2) / blur**2)
+    z[0, :20] = np.nan
+    share = np.array([h[60 - i : 81 - i].sum() for i in range(41)]) / h.sum()
+    unknown = np.isnan(baseline.matched_filter(z, blur)[0, :, 20])
+    assert abs(share - 0.1).min() > 1e-3
+    assert (unknown == (share < 0.1)).all()
+
+
 def test_a_place_without_known_cells_is_no_evidence():
     z = np.ones((2, 30, 30))
     z[0, :15], z[1] = np.nan, np.nan
