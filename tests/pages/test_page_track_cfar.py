@@ -903,7 +903,7 @@ def test_the_noise_level_is_that_above_the_lowest_tenth(page):
 
 def test_a_target_on_the_y_axis_is_no_contradiction(page):
     rng = np.random.default_rng(3)
-    place = [[[20e3 - 400.0 * k, math.pi / 2, 30.0]] for k in range(12)]
+    place = [[[20e3 - 4.0 * k, math.pi / 2, 30.0]] for k in range(12)]
     scans = [plot + rng.normal(0, [10.0, 0.002, 1.0], (1, 3)) for plot in place]
     assert len(told(page, scans)) == 10
 
