@@ -596,6 +596,18 @@ def test_exact_association_holds_as_many_tracks_as_it_says():
     assert result.x.shape == (2, association.MAX_TRACKS, 4)
 
 
+def test_the_radar_is_where_both_coordinates_are_zero():
+    """Not where a speed is zero."""
+    for x, ok in (([100.0, 0, 0, 0], True), ([0.0, 0, 100, 0], True), ([-10.0, 10, -5, 5], False)):
+        setup = replace(two_boats()[0], x=np.array([x]), F=motion.cv(1.0), Q=np.zeros((4, 4)))
+        scans = [np.empty((0, 3))] * 2
+        if ok:
+            assert np.isfinite(page.run(scans, setup, method="JIPDA").x).all()
+        else:
+            with pytest.raises(ValueError, match="zero range"):
+                page.run(scans, setup, method="JIPDA")
+
+
 @pytest.mark.parametrize("change", [{"P": 1e-20 * np.eye(4)}, {"Q": np.zeros((4, 4))}])
 def test_small_covariances_are_no_error(change):
     assert np.isfinite(page.run(SCANS, replace(SETUP, **change), method="LM-AI").x).all()
@@ -1044,6 +1056,42 @@ def test_what_the_text_says_of_the_readings_stands_in_the_tables():
     late = lost["common, start 5 m/s"]
     assert min(late["IPDA-AI"], late[every]) > 1.5 * late["JIPDA"]
     assert late[one[1]] < late["LM-AI"] < late[one[0]] < late[every]
+
+
+def test_what_the_text_says_of_the_causes_stands_in_the_table():
+    """Section 5.5 and Appendix D."""
+    every, jipda = "LJIPDA-AI", shares("JIPDA", 3)[0]
+    assert shares(f"{every}, always A", 3)[0] >= shares(f"{every}, largest prior", 3)[0]
+    assert shares(f"{every}, ratio 1/3 to 3", 6)[0] > shares(f"{every}, ratio at most 3", 6)[0] + 5
+    for alike in ("LJIPDA, strict", "LJIPDA, squared"):
+        assert abs(shares(alike, 3)[0] - jipda) < 5 < jipda - shares("LJIPDA", 3)[0]
+    assert shares("LJIPDA, by plot", 3)[0] < 15
+    for angle in (3, 6, 20):
+        assert shares(f"{every}, largest prior", angle)[0] > shares("LJIPDA", angle)[0]
+
+
+def test_the_advice_on_crossing_targets_is_the_least_gain_of_its_range():
+    """Row 2 up to 16 tracks, row 3 for more, where LM-AI keeps fewer pairs at 6 degrees."""
+    advice = pd.read_csv(paths.PRODUCTS / "ljipda_ai" / "advice.csv")
+    for row, rule, other in (1, "JIPDA-AI", "JIPDA"), (2, "LJIPDA-AI, largest prior", "LJIPDA"):
+        gains = [shares(rule, angle)[0] - shares(other, angle)[0] for angle in (3, 6, 20)]
+        assert advice.gain[row] == pytest.approx(min(gains), abs=1.01)
+        assert (advice.tested_from[row], advice.tested_to[row]) == (3, 20)
+    assert shares("LM-AI", 6)[0] < shares("LJIPDA-AI, largest prior", 6)[0] - 3
+
+
+def test_what_the_text_says_of_what_breaks_it_stands_in_the_table():
+    """Section 5.6: the hardest dose as stored, and with the remedy."""
+    table = committed("breaks")
+    stored, mended = table["delivered as stored"], table["delivered after recording"]
+    for harmful, mends in ("heavy tails", 10), ("level told too high", 5), ("density", 6):
+        (row,) = (name for name in table.index if harmful in name)
+        assert stored[row] > 20 >= 2 * mends > 2 * mended[row]
+    (low,) = (name for name in table.index if "level told too low" in name)
+    assert stored[low] < 2 * table.promised[low]
+    assert math.isinf(table.breaks_at[low])
+    for row in (name for name in table.index if "merge" in name or "start" in name):
+        assert stored[row] == mended[row] > 10
 
 
 def test_what_the_text_says_of_the_map_stands_in_its_data():

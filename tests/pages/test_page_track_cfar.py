@@ -8,11 +8,12 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import tbdcore
 from tbdcore import detection, kalman, misfit, score, state
-from tbdcore.repro import claims, pages, trials
+from tbdcore.repro import claims, pages, paths, trials
 
 
 @pytest.fixture(scope="module")
@@ -506,6 +507,13 @@ def test_the_nearest_or_the_strongest_plot_is_used(page, p):
         assert y[2] > -math.log(0.2) if wins else y[2] == lam
 
 
+@pytest.mark.parametrize("D12", [1.5, 0.0, -1.5])
+def test_a_plot_is_as_far_as_its_squared_distance(page, D12):
+    y, D = np.array([3.0, -2.0]), np.array([[4.0, D12], [D12, 2.0]])
+    found = page.far((3.0, -2.0, 9.0), (4.0, D12, 2.0))
+    assert math.isclose(found, y @ np.linalg.solve(D, y), rel_tol=1e-12)
+
+
 def test_every_false_plot_of_the_gate_is_compared(page, p):
     d, D, second = page.design(p), (625.0, 0.0, 2.5e-5), 0
     centre, half, P_f = (2e5, 0.7), (400.0, 0.1), 0.5
@@ -884,6 +892,22 @@ def test_plots_that_fit_warn_in_two_of_a_hundred_runs_at_most(page):
     assert warned <= 1
 
 
+def test_the_noise_level_is_that_above_the_lowest_tenth(page):
+    lam = 3.0 + np.random.default_rng(2).standard_exponential(2000)
+    low, level, error = page.noise_level([np.column_stack([lam, lam, lam])])
+    above = np.sort(lam)[200:]
+    assert low == above[0]
+    assert level == pytest.approx(10 * math.log10(np.median(above - low) / math.log(2)))
+    assert error == pytest.approx(6.5 / math.sqrt(1800))
+
+
+def test_a_target_on_the_y_axis_is_no_contradiction(page):
+    rng = np.random.default_rng(3)
+    place = [[[20e3 - 4.0 * k, math.pi / 2, 30.0]] for k in range(12)]
+    scans = [plot + rng.normal(0, [10.0, 0.002, 1.0], (1, 3)) for plot in place]
+    assert len(told(page, scans)) == 10
+
+
 def test_a_track_without_a_target_is_no_contradiction(page):
     """The control that the guide asks for: a start, then scans without the target."""
     scans, _ = my_scans(12)
@@ -892,3 +916,39 @@ def test_a_track_without_a_target_is_no_contradiction(page):
     assert told(page, without, start=track)[-1].misses == 3
     with pytest.warns(misfit.Misfit, match="^no plot of 3 scans"):
         told(page, [*scans[:2], *without])
+
+
+# What the text says of the committed tables -------------------------------------------------------
+
+
+def committed(name):
+    return pd.read_csv(paths.PRODUCTS / "track_cfar" / f"{name}.csv")
+
+
+def test_a_covariance_told_wrong_moves_the_constant_and_not_the_adaptive_rule():
+    """Section 5.6 and Appendix F."""
+    told = committed("told")
+    adaptive, constant = told["P_F, adaptive"], told["P_F, constant"]
+    assert np.ptp(adaptive) < 0.02
+    assert (np.diff(constant) > 0).all()
+    assert constant.iloc[0] < 0.05 < 0.1 < 0.25 < constant.iloc[-1]
+    for rule in ("adaptive", "constant"):
+        assert told[f"lost, {rule}"][0] > 1.5 * told[f"lost, {rule}"][2]
+
+
+def test_what_breaks_the_promise_names_its_remedy():
+    """Section 5.6: as stored and after the remedy; a mean fails where cells are correlated."""
+    breaks = committed("breaks").set_index("condition")
+    stored, mended = breaks["delivered as stored"], breaks["delivered after recording"]
+    louder = breaks.index.str.startswith("noise 1 dB stronger")
+    assert (stored[louder] > 0.3).all()
+    assert (mended[louder] < 0.12).all()
+    assert all("; " in condition for condition in breaks.index)
+    related, mean = (
+        breaks.index.str.startswith("correlation 0.7"),
+        breaks.index.str.contains("mean"),
+    )
+    assert (stored[related] < 0.12).all()
+    assert (mended[related & mean] > 0.2).all()
+    assert (mended[related & ~mean] < 0.12).all()
+    assert stored[breaks.index.str.startswith("K-distributed")].min() > 0.4
