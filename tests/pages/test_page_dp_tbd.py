@@ -35,6 +35,15 @@ def p(page):
 # The scenario -------------------------------------------------------------------------------------
 
 
+def test_starts_fill_the_printed_intervals(page, p):
+    x = np.array([page.first_state(p, np.random.default_rng(i)) for i in range(400)])
+    low = [351_500, 350_300, 150, 150]
+    width = [100, 100, 50, 50]
+    assert (x >= low).all()
+    assert (x <= np.add(low, width)).all()
+    np.testing.assert_allclose(np.ptp(x, axis=0), width, rtol=0.03)
+
+
 def test_targets_stay_in_the_region_for_every_turn_rate_and_noise_that_may_be_given(page, p):
     known, rng = pages.parameters("dp_tbd"), np.random.default_rng(6)
     corners = itertools.product(
@@ -68,15 +77,6 @@ def test_targets_begin_in_one_cell_and_stay_within_the_conventional_window(page,
         assert tracks.min() >= 0
         assert tracks.max() < 50
         assert np.abs(np.diff(tracks, axis=1)).max() <= p.M
-
-
-def test_starts_fill_the_printed_intervals(page, p):
-    x = np.array([page.first_state(p, np.random.default_rng(i)) for i in range(400)])
-    low = [351_500, 350_300, 150, 150]
-    width = [100, 100, 50, 50]
-    assert (x >= low).all()
-    assert (x <= np.add(low, width)).all()
-    np.testing.assert_allclose(np.ptp(x, axis=0), width, rtol=0.03)
 
 
 def test_turn_is_the_printed_matrix_and_its_limit(page):
