@@ -48,6 +48,11 @@ def off_the_frame():
     return sensor.point_frames(np.zeros((11, 50, 50)), cells, 1.0)
 
 
+def never_inside():
+    p, rng = page.Scenario(x0=(349, 349.1), process_noise=1.0), np.random.default_rng(1)
+    return page.truth(0.0, page.first_state(p, rng), p, rng)
+
+
 GRID = r"does not fit the grid \(9, 14\)"
 ALGORITHM = r"^algorithm: give page.tonissen, conventional, weighted or penalised\(0.5\), without q"
 
@@ -164,6 +169,7 @@ CASES = [
     (lambda: page.track(Z[:5], page.tonissen(P, float), P), "no margin of -inf; use margin"),
     (lambda: page.keeping(np.ones(4), 1, 0, P, float), r"position: 4 slacks; give an odd number"),
     (off_the_frame, "outside"),
+    (never_inside, r"^x0, y0: no track stays in the region; start in it, or lower process_noise$"),
 ]
 
 
