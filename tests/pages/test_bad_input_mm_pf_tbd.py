@@ -249,6 +249,31 @@ def test_noise_that_is_not_what_was_told_gives_one_warning(what):
     page.step(page.start(p, rng()), z[0], p, rng())  # a warning would be an error
 
 
+@pytest.mark.parametrize("size", [(10, 10), (64, 40)])
+def test_noise_is_refused_beyond_eight_times_and_four_deviations(size):
+    """Spread by quartiles, of every third cell of a long side; below 100 cells nothing is said."""
+    z = np.random.default_rng(61).standard_normal(size)
+    few = z[:: size[0] // 32 + 1, :: size[1] // 32 + 1]
+    low, middle, high = np.quantile(few, (0.25, 0.5, 0.75))
+    z = (z - middle) / ((high - low) / 1.349)
+    p = page.Scenario(M=9, M_new=0, scene=page.Scene(nx=size[0], ny=size[1], noise=1.0))
+    for good in (0.2 * z, 0.9 * z, 7.9 * z, z + 3.9, z - 3.9):
+        page.step(page.start(p, rng()), good, p, rng())
+    for wrong in (0.1 * z, 8.1 * z, z + 4.1, z - 4.1):
+        with pytest.raises(ValueError, match="^frame: its median is"):
+            page.step(page.start(p, rng()), wrong, p, rng())
+    thin = page.Scenario(M=9, M_new=0, scene=page.Scene(nx=11, ny=9, noise=1.0))
+    page.step(page.start(thin, rng()), 9 + np.zeros((11, 9)), thin, rng())  # too few to say
+
+
+def test_the_time_between_frames_ends_at_its_limits():
+    for T in (1e-6, 1e6):
+        page.step(START, Z[0], P, rng(), T)
+    for T in (0.9999999e-6, 1.0000001e6):
+        with pytest.raises(ValueError, match="^T: .* is no number in"):
+            page.step(START, Z[0], P, rng(), T)
+
+
 def test_what_the_cases_change_is_good():
     assert page.run(Z, P, rng()).existence.shape == (5,)
     assert page.step(START, Z[0], P, rng())[1].s.shape == (5,)

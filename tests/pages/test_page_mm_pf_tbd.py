@@ -41,6 +41,9 @@ def classic(page, **change):
     return replace(page.Scenario(M_new=0, M=400), **change)
 
 
+STATES = tuple((x, vx, y, 0.25, 0.5) for x in (2.0, 4.0) for y in (2.0, 3.0) for vx in (-0.5, 0.5))
+
+
 def enumerate_bayes(page, z, p, mix):
     """Existence by a recursion over whole histories: (birth state, birth frame, word over CV and
     CT), one dictionary per frame.
@@ -50,8 +53,8 @@ def enumerate_bayes(page, z, p, mix):
     """
     Pi, s, omega = p.prior.Pi, p.scene, p.prior.left[0]
     births = {
-        (tuple(state[:4]), r): q / len(p.prior.lattice)
-        for state in p.prior.lattice
+        (tuple(state[:4]), r): q / len(STATES)
+        for state in STATES
         for r, q in ((1, p.prior.cv), (2, p.prior.ct))
     }
 
@@ -90,10 +93,10 @@ def enumerate_bayes(page, z, p, mix):
             for after in (1, 2):
                 key = (moved(state, after), after)
                 alive[key] = alive.get(key, 0.0) + w * Pi[r][after]
-        for state in p.prior.lattice:
+        for state in STATES:
             for after in (1, 2):
                 key = (tuple(state[:4]), after)
-                alive[key] = alive.get(key, 0.0) + dead * Pi[0][after] / len(p.prior.lattice)
+                alive[key] = alive.get(key, 0.0) + dead * Pi[0][after] / len(STATES)
         dead = dead * Pi[0][0] + sum(w * Pi[r][0] for (_, r), w in before.items())
         alive = {key: w * ratio(frame, key[0]) for key, w in alive.items()}
         total = dead + sum(alive.values())
@@ -103,11 +106,8 @@ def enumerate_bayes(page, z, p, mix):
 
 
 @pytest.fixture(scope="module")
-def lattice(page):
-    """A 5 by 4 image, four frames, eight birth states, all three regimes at work."""
-    states = tuple(
-        (x, vx, y, 0.25, 0.5) for x in (2.0, 4.0) for y in (2.0, 3.0) for vx in (-0.5, 0.5)
-    )
+def small(page):
+    """A 5 by 4 image, four frames, all three regimes at work."""
     short = page.Scene(
         nx=5,
         ny=4,
@@ -120,9 +120,17 @@ def lattice(page):
         legs=((2, 2), (3, 4), (9, 8), (9, 8), (9, 8)),
         turns=(0.5, 0.0),
     )
-    prior = page.Prior(accel=0.0, lattice=states, left=(0.5, 0.5), right=(0.5, 0.5))
+    prior = page.Prior(accel=0.0, left=(0.5, 0.5), right=(0.5, 0.5))
     p = page.Scenario(scene=short, prior=prior, gate="never")
     return p, page.simulate(short, np.random.default_rng(2))
+
+
+@pytest.fixture
+def lattice(page, small, monkeypatch):
+    """The same with eight birth states instead of a law."""
+    states = np.array(STATES)
+    monkeypatch.setattr(page, "draw_states", lambda n, _, rng: states[rng.integers(8, size=n)])
+    return small
 
 
 @pytest.mark.parametrize(("new", "mix"), [(0, 0.0), (1, 0.5)])
@@ -730,8 +738,8 @@ def test_the_evidence_of_a_frame_is_the_mean_weight_over_the_prior(page):
         assert said.log_evidence[1] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_evidence_of_the_bernoulli_filter_agrees_with_that_of_a_classic_one(page, lattice):
-    p, z = lattice
+def test_the_evidence_of_the_bernoulli_filter_agrees_with_that_of_a_classic_one(page, small):
+    p, z = small
     p = replace(p, prior=page.Prior(x=(0, 6), y=(0, 5), vx=(-1, 1), vy=(-1, 1)))
     pairs = (
         (page.recursion, {"M": 60_000, "M_new": 0}),
