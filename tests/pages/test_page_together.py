@@ -357,3 +357,9 @@ def test_the_studies_fly_what_the_page_flies():
         if name in found.index:
             y, se = found.loc[name, ["y", "se"]]
             assert abs(y - row.found) < 3.5 * math.hypot(se, row.found_se) + 0.06, name
+
+
+@pytest.mark.parametrize("level", "abc")
+def test_plots_come_from_about_one_cell_of_noise_in_a_hundred(level):
+    f = np.array([six.filtered(scene(six.Scene(), i)[1], p, level) for i in range(4)])
+    assert 0.009 < (f > six.ETA[level]).mean() < 0.016
