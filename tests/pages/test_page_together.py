@@ -197,6 +197,12 @@ def test_a_setup_outside_its_limits_is_refused_in_one_line(change, words):
 # Filtered frames, and the bound -----------------------------------------------------------------
 
 
+def test_tracks_near_a_better_one_and_improbable_ones_are_dropped():
+    x = np.array([[10.0, 0, 10, 0], [11.0, 0, 10, 0], [20.0, 0, 10, 0], [30.0, 0, 30, 0]])
+    assert six.apart(x, np.array([0.5, 0.9, 0.3, 0.01])) == [1, 2]
+    assert six.apart(x, np.array([0.9, 0.5, 0.3, 0.1]), most=3) == [0, 2]
+
+
 @pytest.mark.parametrize("level", "abc")
 def test_filtered_noise_has_mean_0_and_variance_1(level):
     f = np.array([six.filtered(scene(six.Scene(), i)[1], p, level)[:, 3:-3, 3:-3] for i in (0, 1)])
@@ -239,6 +245,30 @@ def test_the_ratio_of_the_bound_is_that_of_the_textbook():
             cells = frame[c[..., 0] - 1, c[..., 1] - 1].astype(float)
             exact += (np.log(i0(2 * np.sqrt(snr * cells) * h)) - snr * h * h).sum()
         assert abs(table[o] - exact) < 1e-3 * abs(exact) + 1e-3
+
+
+@pytest.mark.parametrize("swerling", [False, True])
+def test_the_bound_is_the_mean_of_the_ratios_over_starts_and_the_true_one_is_among_them(swerling):
+    s = six.Scene(snr_db=9.0, swerling=swerling)
+    ratios = six.fading_ratios if swerling else six.steady_ratios
+    for i in range(12 if swerling else 40):
+        (x,), z = scene(s, i)
+        first = np.ceil(s.n / 4 + 0.5 - x[11, ::2])
+        table = ratios(z[3:19], s, x[3:19, ::2], first, 10**0.9).ravel().astype(float)
+        top = table.max()
+        mean = top + math.log(np.exp(table - top).mean())
+        assert abs(six.known_path(z, x, s) - mean) < 1e-3 + 1e-5 * abs(mean)
+        at = -first.astype(int)
+        assert (at >= 0).all()
+        assert (at < 20).all()
+        assert table[20 * at[0] + at[1]] > top - 8
+
+
+def test_targets_are_in_the_middle_of_their_way_in_the_middle_of_the_frame():
+    rng = np.random.default_rng(5)
+    middle = np.array([six.fly(six.Scene(), rng)[0, 11, ::2] for _ in range(400)])
+    assert ((middle >= 10.5) & (middle <= 30.5)).all()
+    assert (np.abs(middle.mean(axis=0) - 20.5) < 2.6 * 20 / 12**0.5 / 20).all()
 
 
 @pytest.mark.parametrize("s", [six.Scene(snr_db=1.0), six.Scene(snr_db=0.0, swerling=True)])
