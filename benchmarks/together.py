@@ -13,7 +13,7 @@ risen by nine tenths of its rise, interpolated over the logarithm of the number.
 
 ``data/together_noise.csv``: for some methods and four kinds of noise, the same share, thresholds
 from noise of that kind; and the share of empty scenes that is declared with thresholds from white
-noise.
+noise.  Two more conditions have white noise and a target that turns or fades.
 
 ``data/together_caps.csv``: the share of crossings after which both targets are kept, at 18 dB, when
 the log ratio of an amplitude is at most a cap.
@@ -81,10 +81,10 @@ class Noise:
         return v * dtype(10**0.05 if self.kind == "1 dB louder" else 1.0)
 
 
-def flight(seed, i, what, snr_db, look, noise):
+def flight(seed, i, what, snr_db, look, noise, change):
     """One scene, seen by look(x, z, scene, stream)."""
     six.page = six()
-    scene = replace(six.page.Scene(), snr_db=snr_db)
+    scene = replace(six.page.Scene(), snr_db=snr_db, **change)
 
     def stream(kind, name=""):
         return trials.generator(seed, "together", what + name, i, kind)
@@ -93,8 +93,8 @@ def flight(seed, i, what, snr_db, look, noise):
     return look(x, z, scene, stream)
 
 
-def all_flights(look, snr_db, what, noise="white"):
-    one = partial(flight, what=what, snr_db=snr_db, look=look, noise=noise)
+def all_flights(look, snr_db, what, noise="white", **change):
+    one = partial(flight, what=what, snr_db=snr_db, look=look, noise=noise, change=change)
     return trials.run(one, N_TRIALS, seed=SEED, label=what)
 
 
@@ -118,30 +118,37 @@ def thresholds(methods, n, noise="white"):
     return np.where([name == "reference" for name, _ in methods], 0.0, V), tau, V, found
 
 
-def detection(methods, n, noise="white"):
+def detection(methods, n, noise="white", **change):
     """Number of scenes (m,) in which each method declares the target, and the empty peaks."""
     V, tau, _, found = thresholds(methods, n, noise)
     look = partial(declared, methods=methods, n=n, V=V, tau=tau)
-    return all_flights(look, SNR_DB, "cost", noise).sum(axis=0), found
+    return all_flights(look, SNR_DB, "cost", noise, **change).sum(axis=0), found
 
 
 FEW = [("Tonissen", "a"), ("Tonissen", "b"), ("Tonissen", "c"), ("single frames", "c")]
 FEW += [("reference", "c"), ("plots, IPDA", "c"), ("averaged", "b"), ("Bernoulli", "c")]
 FEW += [("multiple model", "c")]
 KINDS = ("white", "K, shape 3", "1 dB louder", "correlated")
+CHANGES = {"white, turning": {"turn": 0.15}, "white, Swerling 1": {"swerling": True}}
 
 
 def noise_rows():
     """For each kind of noise and method: targets declared, empty scenes declared as in white."""
     fresh = all_flights(partial(peaks, methods=FEW, n=500), -math.inf, "cost fresh noise")
-    white = None
+    white = told = None
     for kind in KINDS:
         found, each = detection(FEW, 500, kind)
         white = recording.threshold(each, SHARE).value if white is None else white
         false = (fresh if kind == "white" else each) > white
+        told = false.sum(axis=0) if kind == "white" else told
         for m, method in enumerate(FEW):
             yield *method, kind, found[m], false[:, m].sum()
         print(kind, found, false.sum(axis=0), flush=True)
+    for kind, change in CHANGES.items():
+        found, _ = detection(FEW, 500, **change)
+        for m, method in enumerate(FEW):
+            yield *method, kind, found[m], told[m]
+        print(kind, found, flush=True)
 
 
 def fields(z, page, blur, snr):
@@ -286,7 +293,7 @@ def write(name, table, counts=()):
 def main():
     six.page = six()
     write("together_caps", pd.DataFrame([*cap_rows()], columns=["method", "cap", "kept"]), ["kept"])
-    columns = ["method", "level", "noise", "found", "empty"]
+    columns = ["method", "level", "condition", "found", "empty"]
     write("together_noise", pd.DataFrame([*noise_rows()], columns=columns), ["found", "empty"])
     columns = ["method", "level", "particles", "snr_db", "found", "us_per_frame"]
     table = pd.DataFrame([*rows()], columns=columns)
