@@ -361,9 +361,10 @@ def test_a_chapter_is_short(paper):
 def test_the_page_on_common_scenes_is_short():
     page, before = all_cells("together"), words("together")
     code = [source(cell).splitlines() for cell in page if cell["cell_type"] == "code"]
-    assert before[-1] <= 4_000
-    assert sum(map(len, code)) <= 450
-    assert len(page) <= 70
+    assert before[-1] <= 4_500
+    assert sum(map(len, code)) <= 560
+    assert len(page) <= 90
+    assert sum("portfolio.save(" in line for cell in code for line in cell) <= 8
     assert pages.path("together").stat().st_size < 1_500_000
     shown = "\n".join(source(cell) for cell in page[:5])
     assert 'screen.exhibit("together/' in shown
