@@ -749,3 +749,29 @@ def test_the_defaults_of_a_scenario_for_own_frames():
     named = {"a_min": 0.0, "sd_r": 1.0, "sd_a": 1.0, "noise": 1.0}
     short = page.scenario(8, 6, dr=5.0, da=0.01, r_min=100.0)
     assert short == page.scenario(8, 6, dr=5.0, da=0.01, r_min=100.0, **named)
+
+
+@pytest.mark.parametrize("source", ["history", "state", "known", "averaged"])
+def test_the_state_before_the_first_frame(source):
+    """No past and no frame; an intensity in the state is uniform up to P_max."""
+    p = replace(SMALL, source=source, N=20_000, P_max=7.0)
+    now = page.start(p, rng(80))
+    H, age = now.memory
+    assert (now.k, now.existence) == (0, p.p_initial)
+    assert not age.any()
+    if source != "state":
+        assert not H.any()
+        return
+    share = np.sort(H.ravel()) / 7.0
+    assert ((share >= 0) & (share < 1)).all()
+    assert abs(share - np.linspace(0, 1, share.size)).max() < 2.0 / math.sqrt(share.size)
+
+
+@pytest.mark.parametrize("shape", [(40, 48), (10, 10), (33, 32), (64, 33)])
+def test_a_wrong_level_is_refused_for_frames_of_any_size_from_a_hundred_cells_on(shape):
+    p = page.scenario(*shape, dr=5.0, da=0.01, r_min=800.0, N=20, B=10)
+    z = rng(81).standard_exponential((10, *shape))
+    assert page.run(z, p, rng(82)).existence.shape == (10,)
+    z[7] *= 20.0
+    with pytest.raises(ValueError, match=r"^frames: the level of frame 7 is "):
+        page.run(z, p, rng(82))
