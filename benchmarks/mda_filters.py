@@ -3,20 +3,22 @@
 The page flies what it judges; the rest of its filters fly here, on the same scenes (seed 20, trials
 0 to 29), so that the differences from the page's filters are paired.
 
-``data/mda_filters.csv`` has a line per filter and power: detection frame, mean OSPA, bias and root
-mean square of the intensity, share of the late frames that are declared, with standard errors; and
-the OSPA and the mean square less those of the proposed filter at the same power, paired.
-``data/mda_filters_trials.csv`` has a line per trial of the filters of Section 5.5: OSPA declared
-above one half, and above the level that 1 % of the filter's frames without a target exceed; share
-of these frames above one half, and whether there is one.
+``data/mda_filters.csv`` has a line per filter and power that the page does not fly: detection
+frame, mean OSPA, bias and root mean square of the intensity, share of the late frames that are
+declared, with standard errors; and the OSPA less that of the proposed filter at the same power,
+paired.
+``data/mda_filters_plain.csv`` has a line per filter of Section 5.5 at 6 dB: frames without a target
+that are declared above one half, runs with one, OSPA declared above one half, and above the level
+that 1 % of the filter's frames without a target exceed, and the gain over the proposed filter.
+``data/mda_filters_trials.csv`` has the same two OSPA for each trial of three filters at 3, 6, 9 dB.
 ``data/mda_filters_paths.csv`` has a line per trial of Section 5.4: in how many late declared frames
 the ancestors of all survivors were looked up, which share of the target's power their cells hold,
 which was read there, and which was put out in these frames and in all.
 ``data/mda_filters_starts.csv`` has the detection frame of three rows under each cause that Appendix
 D.4 tries, and the frames that it gains, paired, with errors from resampled trials.
 
-A group of filters that is in its file is not flown again; all of them take a quarter of an hour on
-two cores.  The number of processes may follow the command.
+A file that is there is not made again; all of them take half an hour on two cores.  The number of
+processes may follow the command.
 """
 
 import sys
@@ -34,14 +36,7 @@ from tbdcore.repro import paths, products, trials
 
 N, FEW, SEED, CUT, LATE = 30, 10, 20, 200.0, slice(150, None)
 ONE_AMPLITUDE = {"likelihood": "coherent", "half_r": 1, "half_a": 4}
-SHAPES = {
-    "true PSF": {},
-    "wide PSF": {"sharp": 0.1, "half_r": 4, "half_a": 12},
-    "narrow PSF": {"sharp": 10.0, "half_r": 1, "half_a": 3},
-}
-FILE, TRIALS, PATHS, STARTS = (
-    paths.CLAIMS.parent / f"mda_filters{end}.csv" for end in ("", "_trials", "_paths", "_starts")
-)
+CHAIN = ("proposed", "averaged", "averaged, births by power")  # flown at three powers
 HEAD = f"# python -m benchmarks.mda_filters: seed {SEED}, the scenes of the page's default run\n"
 
 
@@ -49,29 +44,16 @@ def measured(page):
     """Scenarios of the table of measures, by (filter, dB); those of one power begin with the
     default filter.
     """
-    base, unit = page.Scenario(), page.NOISE
-    priors = {
-        "": {},
-        ", birth to 10": {"P_max": 10.0 / unit},
-        ", walk 1": {"P_walk": 1.0 / unit},
-    }
-    six = {"proposed, own-cell": base, "optimum": replace(base, source="known")}
-    six |= {f"proposed, {way}": replace(base, reading=way) for way in page.WAYS[1:]}
-    for shape, change in SHAPES.items():
-        for how, prior in priors.items():
-            if shape != "wide PSF" or not how:  # whose intensity no prior moves (data/mda_map.csv)
-                six[f"mainstream, {shape}{how}"] = replace(base, source="state", **change, **prior)
+    base, nine = page.Scenario(), page.Scenario(R=9.0)
+    found = {("proposed, own-cell", 6): base}
     for half_r, half_a in ((1, 3), (2, 6), (3, 9)):
         name = f"mainstream, wide PSF, patch {2 * half_r + 1} x {2 * half_a + 1}"
-        six[name] = replace(base, source="state", sharp=0.1, half_r=half_r, half_a=half_a)
-    six["mainstream, half as sharp"] = replace(base, source="state", sharp=0.5)
-    nine = replace(base, R=9.0)
-    found = {(name, 6): p for name, p in six.items()}
-    found |= {("proposed, own-cell", 9): nine, ("optimum", 9): replace(nine, source="known")}
+        found[name, 6] = replace(base, source="state", sharp=0.1, half_r=half_r, half_a=half_a)
+    found["mainstream, half as sharp", 6] = replace(base, source="state", sharp=0.5)
+    found["proposed, own-cell", 9] = nine
     for R_T in (0, 1, 2, 3, 4):
-        for way in ("own-cell", "per-sample"):
-            name = f"proposed, {way}" + (f", R_T = {R_T} dB" if R_T else "")
-            found[name, 9] = replace(nine, R_T=float(R_T), reading=way)
+        name = f"proposed, per-sample, R_T = {R_T} dB"
+        found[name, 9] = replace(nine, R_T=float(R_T), reading="per-sample")
     return found
 
 
@@ -105,19 +87,17 @@ def of_measures(workers):
         cases.items(), np.moveaxis(every, 0, 2), strict=True
     ):
         alive = slice(p.appears - 1, None)
-        per_run = ospa[:, alive].mean(axis=1), np.square(P[:, alive] - p.P_tar).mean(axis=1)
-        default.setdefault(R, per_run)
-        late = (existence[:, LATE] > 0.5).mean(axis=1)
-        values = [*mda_map.measures(p, existence, ospa, P, rng), late.mean(), error(late)]
-        for mine, of_default in zip(per_run, default[R], strict=True):
-            values += [(mine - of_default).mean(), error(mine - of_default)]
+        metres, late = ospa[:, alive].mean(axis=1), (existence[:, LATE] > 0.5).mean(axis=1)
+        more = metres - default.setdefault(R, metres)
+        values = mda_map.measures(p, existence, ospa, P, rng)
+        values += [late.mean(), error(late), more.mean(), error(more)]
         lines.append([name, R, N, *(float(f"{value:.4g}") for value in values)])
-    more = ["late", "late_se", "more_ospa", "more_ospa_se", "more_square", "more_square_se"]
-    return pd.DataFrame(lines, columns=["filter", "dB", "n", *mda_map.NAMES, *more])
+    names = [*mda_map.NAMES, "late", "late_se", "more_ospa", "more_ospa_se"]
+    return pd.DataFrame(lines, columns=["filter", "dB", "n", *names])
 
 
 def plain(page):
-    """Filters of Section 5.5 by name, and the powers in dB at which they fly."""
+    """Filters of Section 5.5 by name."""
     base = page.Scenario()
     sources = {"proposed": "history", "averaged": "averaged", "mainstream": "state"}
     sources |= {"told right": "known"}
@@ -129,51 +109,65 @@ def plain(page):
     cases["proposed, averaged start"] = replace(base, likelihood="averaged")
     for name in ("proposed", "told right", "told -3 dB", "proposed, births by power"):
         cases[f"{name}, one amplitude"] = replace(cases[name], **ONE_AMPLITUDE)
-    chain = {"proposed", "averaged", "averaged, births by power"}
-    return cases, {name: (6.0, 3.0, 9.0) if name in chain else (6.0,) for name in cases}
+    return cases
 
 
-def plain_trial(names, seed, i):
-    """Existence, distance, and existence without a target (flights, 3, K), 6 dB first."""
+def plain_trial(name, powers, seed, i):
+    """Existence, distance, and existence without a target (powers, 3, K) of a filter."""
     page, found = tbdcore.page("mda_tbd"), []
-    (cases, powers), base = plain(page), page.Scenario()
+    p, base = plain(page)[name], page.Scenario()
     draws = partial(trials.generator, seed, "mda_tbd")
     shape, hiss = (base.scans, *base.grid[4:]), draws("scenes", i, "noise")
     noise = sensor.noise_power(shape, hiss)
     empty = sensor.noise_power(shape, draws("empty", i, "noise")) * base.noise
-    for name in names:
-        p = cases[name]
-        quiet = page.recursion(empty, p, draws("empty", i, "filter")).existence
-        for R in powers[name]:
-            z = page.simulate(
-                replace(base, R=R), draws("scenes", i, "truth"), deepcopy(hiss), noise
-            )
-            track = page.recursion(z, p, draws("scenes", i, "filter"))
-            away = np.hypot(*(track.x - page.target(base))[:, ::2].T)
-            found.append((track.existence, away, quiet))
+    quiet = page.recursion(empty, p, draws("empty", i, "filter")).existence
+    for R in powers:
+        scene = replace(base, R=R)
+        z = page.simulate(scene, draws("scenes", i, "truth"), deepcopy(hiss), noise)
+        track = page.recursion(z, p, draws("scenes", i, "filter"))
+        away = np.hypot(*(track.x - page.target(base))[:, ::2].T)
+        found.append((track.existence, away, quiet))
     return np.array(found)
 
 
-def of_trials(names, workers):
-    """The lines of some filters of Section 5.5."""
-    page, lines = tbdcore.page("mda_tbd"), []
-    powers, alive = plain(page)[1], slice(page.Scenario().appears - 1, None)
-    n = FEW if "amplitude" in names[0] else N
-    found = trials.run(partial(plain_trial, names), n, seed=SEED, workers=workers, label=names[0])
-    flights = [(name, R) for name in names for R in powers[name]]
-    for (name, R), (existence, away, quiet) in zip(flights, np.moveaxis(found, 0, 2), strict=True):
-        quiet = quiet[:, alive]
+def plain_measures(name, powers, workers):
+    """For each power: OSPA above one half and above the filter's level, frames without a target
+    that are declared above one half (trials,), and whether there is one.
+    """
+    n = FEW if "amplitude" in name else N
+    options = {"seed": SEED, "workers": workers, "label": name}
+    found = trials.run(partial(plain_trial, name, powers), n, **options)
+    alive = slice(tbdcore.page("mda_tbd").Scenario().appears - 1, None)
+    for existence, away, quiet in np.moveaxis(found[..., alive], 0, 2):
         ospa = [
-            np.where(existence > level, np.minimum(away, CUT), CUT)[:, alive].mean(axis=1)
+            np.where(existence > level, np.minimum(away, CUT), CUT).mean(axis=1)
             for level in (0.5, np.quantile(quiet, 0.99))
         ]
-        share, some = (quiet > 0.5).mean(axis=1), (quiet > 0.5).any(axis=1).astype(int)
-        lines += [
-            [name, R, i, *(float(f"{value:.6g}") for value in values)]
-            for i, values in enumerate(zip(*ospa, share, some, strict=True))
-        ]
-    names = ["ospa", "ospa_strict", "empty", "empty_run"]
-    return pd.DataFrame(lines, columns=["filter", "dB", "trial", *names])
+        yield *ospa, (quiet > 0.5).mean(axis=1), (quiet > 0.5).any(axis=1)
+
+
+def of_trials(name, workers):
+    """The lines of a filter at three powers."""
+    lines, powers = [], (3.0, 6.0, 9.0)
+    found = plain_measures(name, powers, workers)
+    for R, (half, strict, *_) in zip(powers, found, strict=True):
+        for i, pair in enumerate(zip(half, strict, strict=True)):
+            lines.append([name, R, i, *(float(f"{value:.6g}") for value in pair)])
+    return pd.DataFrame(lines, columns=["filter", "dB", "trial", "ospa", "ospa_strict"])
+
+
+def of_plain(workers):
+    """The lines of all filters of Section 5.5 at 6 dB."""
+    lines, default = [], None
+    for name in plain(tbdcore.page("mda_tbd")):
+        ((half, strict, share, some),) = plain_measures(name, (6.0,), workers)
+        default = strict if default is None else default
+        values = [share.mean(), some.mean(), half.mean(), error(half), strict.mean(), error(strict)]
+        gain = default[: len(strict)] - strict
+        values += [gain.mean(), error(gain)]
+        lines.append([name, len(strict), *(float(f"{value:.4g}") for value in values)])
+    names = ["ospa", "ospa_se", "ospa_strict", "ospa_strict_se", "gain", "gain_se"]
+    return pd.DataFrame(lines, columns=["filter", "n", "empty", "empty_run", *names])
 
 
 def looked_up(page):
@@ -275,24 +269,26 @@ def first_above(curves, appears=15):
     return np.where(above.any(axis=1), above.argmax(axis=1) + appears, curves.shape[1] + 1)
 
 
+def write(end, table):
+    """Write a file of the study."""
+    name = f"mda_filters{end and '_'}{end}.csv"
+    products.write(paths.CLAIMS.parent, {name: HEAD.encode() + products.csv(table)})
+
+
 def main():
-    """Fly what the files lack; write after each group of filters."""
-    workers = int((sys.argv[1:] or [0])[0])
-    every = list(plain(tbdcore.page("mda_tbd"))[0])
-    slow = [name for name in every if "amplitude" in name]
-    fast = [name for name in every if "amplitude" not in name]
-    groups = [fast[:2], fast[2:6], fast[6:9], fast[9:], slow[:2], slow[2:]]
-    for file, made in ((STARTS, of_starts), (PATHS, of_paths)):
-        if not file.is_file():
-            products.write(file.parent, {file.name: HEAD.encode() + products.csv(made(workers))})
-    have = [pd.read_csv(TRIALS, comment="#")] if TRIALS.is_file() else []
-    for names in groups:
-        if not have or not {*names} <= {*have[0]["filter"]}:
-            have = [pd.concat([*have, of_trials(names, workers)], ignore_index=True)]
-            products.write(TRIALS.parent, {TRIALS.name: HEAD.encode() + products.csv(have[0])})
-    if not FILE.is_file():
-        table = HEAD.encode() + products.csv(of_measures(workers))
-        products.write(FILE.parent, {FILE.name: table})
+    """Fly what the files lack."""
+    workers, folder = int((sys.argv[1:] or [0])[0]), paths.CLAIMS.parent
+    made = {"starts": of_starts, "paths": of_paths, "": of_measures, "plain": of_plain}
+    for end, make in made.items():
+        if not (folder / f"mda_filters{end and '_'}{end}.csv").is_file():
+            write(end, make(workers))
+    file, have = folder / "mda_filters_trials.csv", []
+    if file.is_file():
+        have = [pd.read_csv(file, comment="#")]
+    for name in CHAIN:
+        if not any(name in set(each["filter"]) for each in have):
+            have.append(of_trials(name, workers))
+            write("trials", pd.concat(have, ignore_index=True))
 
 
 if __name__ == "__main__":

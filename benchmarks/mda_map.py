@@ -50,10 +50,10 @@ def design(page):
         cells.append(("optimum", *m, *patch, *none, ""))
         cells += [("mainstream", *m, *patch, *prior, "") for prior in PRIORS]
         cells += [("proposed", *m, *patch, *none, way) for way in page.WAYS]
-    for m, shape in itertools.product(MODELS[:2], ((1, 4), (3, 9))):
-        cells.append(("optimum", *m, *shape, *none, ""))
-        cells.append(("mainstream", *m, *shape, *PRIORS[0], ""))
-        cells.append(("proposed", *m, *shape, *none, "own-cell"))
+    for shape in ((1, 4), (3, 9)):  # to save time with one amplitude only, decided before a flight
+        cells.append(("optimum", *MODELS[0], *shape, *none, ""))
+        cells.append(("mainstream", *MODELS[0], *shape, *PRIORS[0], ""))
+        cells.append(("proposed", *MODELS[0], *shape, *none, "own-cell"))
     return cells + [("optimum", *m, *patch, *none, "") for m in WIDER]
 
 
