@@ -5,11 +5,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import tbdcore
 from tbdcore import misfit, particles, sensor, state
-from tbdcore.repro import pages
+from tbdcore.repro import pages, paths, studies
 
 page = tbdcore.page("mda_tbd")
 SMALL = page.Scenario(N=300, B=100, scans=40)
@@ -749,3 +750,54 @@ def test_the_defaults_of_a_scenario_for_own_frames():
     named = {"a_min": 0.0, "sd_r": 1.0, "sd_a": 1.0, "noise": 1.0}
     short = page.scenario(8, 6, dr=5.0, da=0.01, r_min=100.0)
     assert short == page.scenario(8, 6, dr=5.0, da=0.01, r_min=100.0, **named)
+
+
+@pytest.mark.parametrize("source", ["history", "state", "known", "averaged"])
+def test_the_state_before_the_first_frame(source):
+    """No past and no frame; an intensity in the state is uniform up to P_max."""
+    p = replace(SMALL, source=source, N=20_000, P_max=7.0)
+    now = page.start(p, rng(80))
+    H, age = now.memory
+    assert (now.k, now.existence) == (0, p.p_initial)
+    rho, alpha = sensor.polar_cells(now.S[0], now.S[2], p.grid)
+    assert ((rho >= 0.5) & (rho < 500.5) & (alpha >= 0.5) & (alpha < 90.5)).all()
+    assert not age.any()
+    if source != "state":
+        assert not H.any()
+        return
+    share = np.sort(H.ravel()) / 7.0
+    assert ((share >= 0) & (share < 1)).all()
+    assert abs(share - np.linspace(0, 1, share.size)).max() < 2.0 / math.sqrt(share.size)
+
+
+@pytest.mark.parametrize("shape", [(40, 48), (10, 10), (33, 32), (64, 33)])
+def test_a_wrong_level_is_refused_for_frames_of_any_size_from_a_hundred_cells_on(shape):
+    p = page.scenario(*shape, dr=5.0, da=0.01, r_min=800.0, N=20, B=10)
+    z = rng(81).standard_exponential((10, *shape))
+    assert page.run(z, p, rng(82)).existence.shape == (10,)
+    z[7] *= 20.0
+    with pytest.raises(ValueError, match=r"^frames: the level of frame 7 is "):
+        page.run(z, p, rng(82))
+
+
+def test_the_offline_study_flew_the_scenes_of_the_page():
+    shown = pd.read_csv(paths.PRODUCTS / "mda_tbd" / "open_measures.csv", index_col="filter")
+    study = studies.read("mda_filters").set_index(["filter", "dB"])
+    for key in ("bias", "rms", "ospa"):
+        flown = study.loc[("proposed, own-cell", 6), key]
+        assert flown == pytest.approx(shown.loc["proposed, 6 dB", key], rel=1e-3)
+    plain = studies.read("mda_filters_plain").set_index("filter")
+    each = studies.read("mda_filters_trials").groupby(["filter", "dB"])
+    for (name, R), rows in each:
+        assert rows["trial"].tolist() == list(range(30))
+        if R == 6:
+            assert abs(rows["ospa_strict"].mean() - plain.loc[name, "ospa_strict"]) <= 0.5
+            assert abs(rows["ospa"].mean() - plain.loc[name, "ospa"]) <= 0.5
+
+
+def test_births_by_power_leave_the_evidence_of_one_frame_as_it_is():
+    """Their weights are those of uniform births: the integral over the area, as above."""
+    z, p = scene(CORNER, 9)[:1], replace(CORNER, births="power")
+    exact = lattice_filter(z, CORNER)[0, 0]
+    found = [page.run(z, p, rng(10, i)).existence[0] for i in range(12)]
+    assert np.mean(found) == pytest.approx(exact, abs=4.5 * np.std(found, ddof=1) / math.sqrt(12))

@@ -1,0 +1,295 @@
+"""Every filter of chapter 03 on the scenes of its page: ``python -m benchmarks.mda_filters``.
+
+The page flies what it judges; the rest of its filters fly here, on the same scenes (seed 20, trials
+0 to 29), so that the differences from the page's filters are paired.
+
+``data/mda_filters.csv`` has a line per filter and power that the page does not fly: detection
+frame, mean OSPA, bias and root mean square of the intensity, share of the late frames that are
+declared, with standard errors; and the OSPA less that of the proposed filter at the same power,
+paired.
+``data/mda_filters_plain.csv`` has a line per filter of Section 5.5 at 6 dB: frames without a target
+that are declared above one half, runs with one, OSPA declared above one half, and above the level
+that 1 % of the filter's frames without a target exceed, and the gain over the proposed filter.
+``data/mda_filters_trials.csv`` has the same two OSPA for each trial of three filters at 3, 6, 9 dB.
+``data/mda_filters_paths.csv`` has a line per trial of Section 5.4: in how many late declared frames
+the ancestors of all survivors were looked up, which share of the target's power their cells hold,
+which was read there, and which was put out in these frames and in all.
+``data/mda_filters_starts.csv`` has the detection frame of three rows under each cause that Appendix
+D.4 tries, and the frames that it gains, paired, with errors from resampled trials.
+
+A file that is there is not made again; all of them take half an hour on two cores.  The number of
+processes may follow the command.
+"""
+
+import sys
+from copy import deepcopy
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+import tbdcore
+from benchmarks import mda_map
+from tbdcore import score, sensor
+from tbdcore.repro import paths, products, trials
+
+N, FEW, SEED, CUT, LATE = 30, 10, 20, 200.0, slice(150, None)
+ONE_AMPLITUDE = {"likelihood": "coherent", "half_r": 1, "half_a": 4}
+CHAIN = ("proposed", "averaged", "averaged, births by power")  # flown at three powers
+HEAD = f"# python -m benchmarks.mda_filters: seed {SEED}, the scenes of the page's default run\n"
+
+
+def measured(page):
+    """Scenarios of the table of measures, by (filter, dB); those of one power begin with the
+    default filter.
+    """
+    base, nine = page.Scenario(), page.Scenario(R=9.0)
+    found = {("proposed, own-cell", 6): base}
+    for half_r, half_a in ((1, 3), (2, 6), (3, 9)):
+        name = f"mainstream, wide PSF, patch {2 * half_r + 1} x {2 * half_a + 1}"
+        found[name, 6] = replace(base, source="state", sharp=0.1, half_r=half_r, half_a=half_a)
+    found["mainstream, half as sharp", 6] = replace(base, source="state", sharp=0.5)
+    found["proposed, own-cell", 9] = nine
+    for R_T in (0, 1, 2, 3, 4):
+        name = f"proposed, per-sample, R_T = {R_T} dB"
+        found[name, 9] = replace(nine, R_T=float(R_T), reading="per-sample")
+    return found
+
+
+def flown(cases, seed, i):
+    """Existence, OSPA and intensity (cases, 3, K) on a scene of the page."""
+    page, found = tbdcore.page("mda_tbd"), []
+    draws = partial(trials.generator, seed, "mda_tbd", "scenes", i)
+    rng, p0 = draws("noise"), cases[0]
+    empty = sensor.noise_power((p0.scans, *p0.grid[4:]), rng)
+    scenes = {R: page.simulate(replace(p0, R=R), draws("truth"), deepcopy(rng), empty)
+              for R in sorted({p.R for p in cases})}  # fmt: skip
+    for p in cases:
+        track, path = page.recursion(scenes[p.R], p, draws("filter")), page.target(p)
+        ospa = score.ospa_bernoulli(track.x[:, ::2], track.existence, path[:, ::2], CUT)
+        found.append((track.existence, ospa, track.P))
+    return np.array(found)
+
+
+def error(values):
+    """Standard error of a mean."""
+    return values.std(ddof=1) / np.sqrt(len(values))
+
+
+def of_measures(workers):
+    """The table of measures."""
+    cases = measured(tbdcore.page("mda_tbd"))
+    options = {"seed": SEED, "workers": workers, "label": "measures"}
+    every = trials.run(partial(flown, list(cases.values())), N, **options)
+    rng, default, lines = trials.generator(SEED, "mda_tbd", "map", N, "filter"), {}, []
+    for ((name, R), p), (existence, ospa, P) in zip(
+        cases.items(), np.moveaxis(every, 0, 2), strict=True
+    ):
+        alive = slice(p.appears - 1, None)
+        metres, late = ospa[:, alive].mean(axis=1), (existence[:, LATE] > 0.5).mean(axis=1)
+        more = metres - default.setdefault(R, metres)
+        values = mda_map.measures(p, existence, ospa, P, rng)
+        values += [late.mean(), error(late), more.mean(), error(more)]
+        lines.append([name, R, N, *(float(f"{value:.4g}") for value in values)])
+    names = [*mda_map.NAMES, "late", "late_se", "more_ospa", "more_ospa_se"]
+    return pd.DataFrame(lines, columns=["filter", "dB", "n", *names])
+
+
+def plain(page):
+    """Filters of Section 5.5 by name."""
+    base = page.Scenario()
+    sources = {"proposed": "history", "averaged": "averaged", "mainstream": "state"}
+    sources |= {"told right": "known"}
+    cases = {name: replace(base, source=source) for name, source in sources.items()}
+    for d in (-6.0, -3.0, 3.0, 6.0):
+        cases[f"told {d:+.0f} dB"] = replace(base, source="known", R=base.R + d)
+    for name in ("proposed", "averaged", "told right"):
+        cases[f"{name}, births by power"] = replace(cases[name], births="power")
+    cases["proposed, averaged start"] = replace(base, likelihood="averaged")
+    for name in ("proposed", "told right", "told -3 dB", "proposed, births by power"):
+        cases[f"{name}, one amplitude"] = replace(cases[name], **ONE_AMPLITUDE)
+    return cases
+
+
+def plain_trial(name, powers, seed, i):
+    """Existence, distance, and existence without a target (powers, 3, K) of a filter."""
+    page, found = tbdcore.page("mda_tbd"), []
+    p, base = plain(page)[name], page.Scenario()
+    draws = partial(trials.generator, seed, "mda_tbd")
+    shape, hiss = (base.scans, *base.grid[4:]), draws("scenes", i, "noise")
+    noise = sensor.noise_power(shape, hiss)
+    empty = sensor.noise_power(shape, draws("empty", i, "noise")) * base.noise
+    quiet = page.recursion(empty, p, draws("empty", i, "filter")).existence
+    for R in powers:
+        scene = replace(base, R=R)
+        z = page.simulate(scene, draws("scenes", i, "truth"), deepcopy(hiss), noise)
+        track = page.recursion(z, p, draws("scenes", i, "filter"))
+        away = np.hypot(*(track.x - page.target(base))[:, ::2].T)
+        found.append((track.existence, away, quiet))
+    return np.array(found)
+
+
+def plain_measures(name, powers, workers):
+    """For each power: OSPA above one half and above the filter's level, frames without a target
+    that are declared above one half (trials,), and whether there is one.
+    """
+    n = FEW if "amplitude" in name else N
+    options = {"seed": SEED, "workers": workers, "label": name}
+    found = trials.run(partial(plain_trial, name, powers), n, **options)
+    alive = slice(tbdcore.page("mda_tbd").Scenario().appears - 1, None)
+    for existence, away, quiet in np.moveaxis(found[..., alive], 0, 2):
+        ospa = [
+            np.where(existence > level, np.minimum(away, CUT), CUT).mean(axis=1)
+            for level in (0.5, np.quantile(quiet, 0.99))
+        ]
+        yield *ospa, (quiet > 0.5).mean(axis=1), (quiet > 0.5).any(axis=1)
+
+
+def of_trials(name, workers):
+    """The lines of a filter at three powers."""
+    lines, powers = [], (3.0, 6.0, 9.0)
+    found = plain_measures(name, powers, workers)
+    for R, (half, strict, *_) in zip(powers, found, strict=True):
+        for i, pair in enumerate(zip(half, strict, strict=True)):
+            lines.append([name, R, i, *(float(f"{value:.6g}") for value in pair)])
+    return pd.DataFrame(lines, columns=["filter", "dB", "trial", "ospa", "ospa_strict"])
+
+
+def of_plain(workers):
+    """The lines of all filters of Section 5.5 at 6 dB."""
+    lines, default = [], None
+    for name in plain(tbdcore.page("mda_tbd")):
+        ((half, strict, share, some),) = plain_measures(name, (6.0,), workers)
+        default = strict if default is None else default
+        values = [share.mean(), some.mean(), half.mean(), error(half), strict.mean(), error(strict)]
+        gain = default[: len(strict)] - strict
+        values += [gain.mean(), error(gain)]
+        lines.append([name, len(strict), *(float(f"{value:.4g}") for value in values)])
+    names = ["ospa", "ospa_se", "ospa_strict", "ospa_strict_se", "gain", "gain_se"]
+    return pd.DataFrame(lines, columns=["filter", "n", "empty", "empty_run", *names])
+
+
+def looked_up(page):
+    """Scenarios of Section 5.4 by their data."""
+    cases = {f"{R} dB": page.Scenario(R=float(R)) for R in (6, 9, 12)}
+    return cases | {"6 dB, independent cells": page.Scenario(common=False)}
+
+
+def cells_read(H, scan, p):
+    """Cells (2, n), from 1, that the samples H (n,) come from; found by their values."""
+    flat = (scan / p.noise).ravel() - 1.0
+    order = flat.argsort()
+    place = np.searchsorted(flat[order], H - 1e-6 * (1.0 + abs(H)))
+    return np.array(np.divmod(order[np.minimum(place, flat.size - 1)], scan.shape[1])) + 1
+
+
+def share_seen(H, k, data, spot, p):
+    """Mean h^2 of the true target in the cells that the samples H (window, n) come from."""
+    total = number = 0
+    for t in range(k - p.window + 1, k + 1):
+        row = H[t % p.window]
+        i, j = cells_read(row, data[t], p)
+        d, a = i - spot[0, t], j - spot[1, t]
+        h2 = np.exp(-p.psf.lr * d * d - p.psf.la * a * a)
+        total, number = total + h2[row != 0.0].sum(), number + np.count_nonzero(row)
+    return total / max(number, 1)
+
+
+def paths_trial(p, seed, i):
+    """Number of frames, and shares: of the cells read, of the samples, put out then, put out."""
+    page, draws = tbdcore.page("mda_tbd"), partial(trials.generator, seed, "mda_tbd", "scenes", i)
+    data, own = page.simulate(p, draws("truth"), draws("noise")), draws("filter")
+    spot = sensor.polar_cells(*page.target(p)[:, ::2].T, p.grid)
+    state, found, P = page.start(p, own), [], []
+    for k, scan in enumerate(data):
+        state, estimate = page.update(state, scan / p.noise, p, own)
+        P.append(estimate.P)
+        if k >= LATE.start and k % 10 == 0 and estimate.existence > 0.5:
+            H = state.memory[0][:, 0, : p.N]
+            seen = share_seen(H, k, data, spot, p)
+            found.append((seen, H.mean() * p.noise / p.P_tar, estimate.P / p.P_tar))
+    shares = np.mean(found, axis=0) if found else np.zeros(3)
+    return np.array([len(found), *shares, np.mean(P[p.appears - 1 :]) / p.P_tar])
+
+
+def of_paths(workers):
+    """The lines of Section 5.4."""
+    lines, options = [], {"seed": SEED, "workers": workers, "label": "paths"}
+    for name, p in looked_up(tbdcore.page("mda_tbd")).items():
+        for i, (n, *shares) in enumerate(trials.run(partial(paths_trial, p), N, **options)):
+            lines.append([name, i, int(n), *(float(f"{share:.6g}") for share in shares)])
+    return pd.DataFrame(
+        lines, columns=["data", "trial", "frames", "cells", "samples", "late", "all"]
+    )
+
+
+def causes(page):
+    """Scenarios of Appendix D.4 by (row, cause), and the causes."""
+    base = page.Scenario()
+    changes = {"as flown": {}, "birth speed 3.2 m/s": {"birth_speed": 3.2}}
+    changes |= {"births by power": {"births": "power"}, "four times the births": {"B": 4 * base.B}}
+    changes |= {"independent cells": {"common": False}, "other scenes": {}}
+    rows = {"t2.4": base, "t4.2": replace(base, R=9.0), "t6.4": replace(base, R=9.0, R_T=4.0)}
+    return {(id, how): replace(p, **changes[how]) for id, p in rows.items() for how in changes}
+
+
+def starts_trial(seed, i):
+    """Existence in the first 60 frames (cases, 60) under each cause."""
+    page, found, noises = tbdcore.page("mda_tbd"), [], {}
+    for (_, how), p in causes(page).items():
+        j = 10_000 + i if how == "other scenes" else i
+        draws = partial(trials.generator, seed, "mda_tbd", "scenes", j)
+        if j not in noises:
+            rng = draws("noise")
+            noises[j] = sensor.noise_power((p.scans, *p.grid[4:]), rng), rng
+        z = page.simulate(p, draws("truth"), deepcopy(noises[j][1]), noises[j][0])
+        found.append(page.recursion(z[:60], p, draws("filter")).existence)
+    return np.array(found)
+
+
+def of_starts(workers):
+    """The lines of Appendix D.4."""
+    page, first = tbdcore.page("mda_tbd"), first_above
+    found = trials.run(starts_trial, N, seed=SEED, workers=workers, label="starts")
+    rng, lines, flown_as = trials.generator(SEED, "mda_tbd", "bootstrap", 0, "filter"), [], {}
+    again = rng.multinomial(N, np.full(N, 1 / N), size=400)
+    for (id, how), existence in zip(causes(page), np.moveaxis(found, 1, 0), strict=True):
+        frame, frames = first(existence.mean(axis=0)[None])[0], first(again @ existence / N)
+        as_flown, each = flown_as.setdefault(id, (frame, frames))
+        gain = as_flown - frame, (each - frames).std()
+        lines.append([id, how, N, frame, frames.std(), *gain])
+    table = pd.DataFrame(lines, columns=["row", "cause", "n", "frame", "se", "gain", "gain_se"])
+    return table.round({"se": 4, "gain_se": 4})
+
+
+def first_above(curves, appears=15):
+    """First frame in which a curve (m, K) exceeds one half; K + 1 if none does."""
+    above = curves[:, appears - 1 :] > 0.5
+    return np.where(above.any(axis=1), above.argmax(axis=1) + appears, curves.shape[1] + 1)
+
+
+def write(end, table):
+    """Write a file of the study."""
+    name = f"mda_filters{end and '_'}{end}.csv"
+    products.write(paths.CLAIMS.parent, {name: HEAD.encode() + products.csv(table)})
+
+
+def main():
+    """Fly what the files lack."""
+    workers, folder = int((sys.argv[1:] or [0])[0]), paths.CLAIMS.parent
+    made = {"starts": of_starts, "paths": of_paths, "": of_measures, "plain": of_plain}
+    for end, make in made.items():
+        if not (folder / f"mda_filters{end and '_'}{end}.csv").is_file():
+            write(end, make(workers))
+    file, have = folder / "mda_filters_trials.csv", []
+    if file.is_file():
+        have = [pd.read_csv(file, comment="#")]
+    for name in CHAIN:
+        if not any(name in set(each["filter"]) for each in have):
+            have.append(of_trials(name, workers))
+            write("trials", pd.concat(have, ignore_index=True))
+
+
+if __name__ == "__main__":
+    main()
