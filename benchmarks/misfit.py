@@ -339,6 +339,24 @@ def delivered(recordings=40, n=200, trials=400):
         print(f"{mean}, {spread}; within the interval {np.mean(covered):.2f}")
 
 
+def scores(recordings=40, n=1000):
+    """False declarations of chapter 02 per 1,000 frames, with a threshold from n frames."""
+    page = tbdcore.page("mm_pf_tbd")
+    p = page.Scenario(scene=page.Scene(nx=30, ny=20, noise=1.0, amplitude=18 / 2.3))
+    print(f"\n02: false declarations per 1,000 frames, 10 set, {recordings} recordings")
+    for name, draw in NOISES.items():
+        at = []
+        for i in range(recordings):
+            rng = np.random.default_rng([i, 47])
+            z = draw((2 * n, 30, 20), rng)
+            if name.startswith("K"):
+                z = recording.normal_scores(z, recording.empirical_law(z[:n]))
+            existence = page.recursion(z, p, rng).existence
+            level = recording.threshold(existence[:n], 10 / 1000, independent=200)
+            at.append(1000 * (existence[n:] > level.value).mean())
+        print(f"{name:<24}{np.mean(at):.1f} ± {np.std(at, ddof=1) / recordings**0.5:.1f}")
+
+
 BLOCK, PER_THOUSAND = 20, 5
 
 

@@ -148,10 +148,11 @@ def test_a_schematic_has_no_csv(portfolio):
 
 
 def test_drawing_leaves_no_figure_open(portfolio):
-    draw(portfolio)
     from matplotlib import pyplot as plt
 
-    assert plt.get_fignums() == []
+    before = plt.get_fignums()
+    draw(portfolio)
+    assert plt.get_fignums() == before
 
 
 def test_a_film_is_a_figure_with_a_picture_for_each_step(portfolio):

@@ -317,7 +317,9 @@ def settings_04_sigma(folder):
 
 def setup_of_boats(folder):
     with pytest.MonkeyPatch.context() as at:
-        return executed("ljipda_ai", folder, at)
+        names = executed("ljipda_ai", folder, at)
+    names["plt"].close("all")
+    return names
 
 
 def settings_05_sigma(folder):
