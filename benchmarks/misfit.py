@@ -8,11 +8,11 @@
 * what a condition of some size does to the false alarms of chapter 01 (``tonissen``, 5 % per block)
   and to the share of empty frames that chapters 02 and 03 declare: the tolerances are where these
   double;
-* what thresholds from a recording deliver: of 01 from 200 blocks at a nominal 5 %, of 03 from 1,000
-  frames at a nominal 5 false declarations per 1,000 frames; 40 recordings each.
+* what thresholds from a recording deliver: of 01 from 200 blocks at a nominal 5 %, of 02 and
+  03 from 1,000 frames at 10 and 5 false declarations per 1,000 frames; 40 recordings each.
 
-It takes some minutes and is no test.  ``.venv/bin/python -m benchmarks.misfit 200 matrix`` prints
-one part: matrix, plots, doubling, delivered or frames.
+It takes half an hour and is no test.  ``.venv/bin/python -m benchmarks.misfit 200 matrix`` prints
+one part: matrix, plots, doubling, delivered, scores (02) or frames (03).
 """
 
 import sys
@@ -393,5 +393,6 @@ if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     parts = {"matrix": lambda: matrix(count), "plots": lambda: plots(count)}
     parts |= {"doubling": lambda: doubling(max(count // 4, 20)), "delivered": delivered}
-    for name in sys.argv[2:] or [*parts, "frames"]:
-        (parts | {"frames": frames})[name]()
+    parts |= {"scores": scores, "frames": frames}
+    for name in sys.argv[2:] or parts:
+        parts[name]()
