@@ -267,6 +267,8 @@ def settings_03_start(folder):
     p = page.scenario(**cells, N=3000, B=1000, **advised)
     empty = noise.exponential((200, 48, 32), np.random.default_rng(1))
     assert page.run(empty, p, np.random.default_rng(1)).existence.max() < 0.5
+    heavy = noise.k_power((300, 48, 32), 3.0, np.random.default_rng(7))
+    assert (page.recursion(heavy, p, np.random.default_rng(7)).existence > 0.5).mean() > 0.1
 
 
 def settings_03_known(folder):
