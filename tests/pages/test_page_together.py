@@ -295,6 +295,16 @@ def test_the_bound_on_holding_takes_the_more_likely_of_two_turns():
     assert np.isin(none[1].round(9), mirrored[:, ::2].round(9)).all()
 
 
+def test_told_starts_have_the_covariance_that_is_told():
+    x = np.zeros((2, 5, 4))
+    starts = [
+        six.told_start(x, lambda kind, name, i=i: trials.generator(i, "together", name, 0, kind))
+        for i in range(400)
+    ]
+    d2 = (np.array(starts) ** 2 / np.diag(six.KNOWN)).mean(axis=(0, 1))
+    assert np.abs(d2 - 1).max() < 4 * math.sqrt(2 / 800)
+
+
 def test_the_own_plot_is_the_nearest_one_if_there_is_one():
     path = np.array([[5.0, 0, 5, 0], [6.0, 0, 5, 0], [7.0, 0, 5, 0]])
     plots = [np.array([[5.9, 5, 1], [5.2, 5, 2]]), np.empty((0, 3)), np.array([[7.0, 9, 3]])]
@@ -380,14 +390,20 @@ def test_nobody_beats_the_bound():
         assert (over < 2.6).all()
     order = committed("order")
     assert (order["distance (dB)"].dropna() > -0.2).all()
-    for figure, bound in (
-        ("holding", "known turn (bound)"),
-        ("crossing", "told its plots (bound)"),
-    ):
-        each = committed(figure).query("panel == 0")
+    for panel, sign in ((0, 1), (1, -1)):  # life and distance
+        each = committed("holding").query("panel == @panel")
         for _, rows in each.groupby("x"):
-            top = rows.loc[rows["series"] == bound, "y"].item()
-            assert (rows["y"] <= top + 1e-9).all()
+            best = rows.loc[rows["series"] == "known path but its side", "y"].item()
+            assert (sign * (rows["y"] - best) <= 1e-9).all()
+
+
+def test_tracks_are_better_than_their_start_alone():
+    """Where plots are worth something: the advised methods, at their highest SNR."""
+    for figure, method in (("holding", "averaged (b)"), ("crossing", "JIPDA-AI")):
+        rows = committed(figure).query("panel == 0")
+        top = rows[rows["x"] == rows["x"].max()].set_index("series")
+        error = np.hypot(*top.loc[[method, "start alone"], "se"])
+        assert top.loc[method, "y"] - top.loc["start alone", "y"] > 2.6 * error
 
 
 def test_exact_bayes_is_between_the_methods_and_the_known_path():
