@@ -69,14 +69,15 @@ def checked(function=None, *, inside=None):
         kinds = tuple(
             [(a.dtype, a.shape) if type(a) is Array and a.flags.carray else type(a) for a in args]
         )
-        if kinds not in known:
+        needs = known.get(kinds)
+        if needs is None:
             args, needed = _fitted(rules, args, kinds)
             if len(known) > 1000:
                 known.clear()
             if needed:
                 known[kinds] = needed
             return function(*args)
-        scalars, limits = known[kinds]
+        scalars, limits = needs
         if scalars:
             args = list(args)
             for n, rule, name in scalars:

@@ -156,7 +156,8 @@ class TailedLaw(NamedTuple):
 
     def sf(self, z):
         """Probability of a value above z."""
-        return self._survival_and_density(z)[0]
+        inside = 1 - self._middle()(np.clip(z, self.x[0], self.x[-1]))
+        return self._with_tails(z, inside, lambda law, z, share: share * law.sf(z), lambda p: 1 - p)
 
     def cdf(self, z):
         """Probability of a value of at most z."""
@@ -164,19 +165,25 @@ class TailedLaw(NamedTuple):
 
     def logpdf(self, z):
         """Logarithm of the density."""
-        return np.log(np.maximum(self._survival_and_density(z)[1], SMALL))
+        inside = self._middle().derivative()(np.clip(z, self.x[0], self.x[-1]))
+        density = self._with_tails(z, inside, lambda law, z, share: share * law.pdf(z))
+        return np.log(np.maximum(density, SMALL))
 
-    def _survival_and_density(self, z):
+    def _middle(self):
         from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(self.x, self.p)
+
+    def _with_tails(self, z, inside, of, below=lambda p: p):
+        """``inside`` with its values in the tails replaced by ``of`` their laws."""
         from scipy.stats import genpareto
 
-        cdf, inside = PchipInterpolator(self.x, self.p), np.clip(z, self.x[0], self.x[-1])
-        below, above = (genpareto(shape, 0, scale) for shape, scale in (self.low, self.high))
-        low, high, p, q = z < self.x[0], z > self.x[-1], self.p[0], 1 - self.p[-1]
-        under, over = self.x[0] - z, z - self.x[-1]
-        sf = np.where(high, q * above.sf(over), 1 - cdf(inside))
-        pdf = np.where(high, q * above.pdf(over), cdf.derivative()(inside))
-        return np.where(low, 1 - p * below.sf(under), sf), np.where(low, p * below.pdf(under), pdf)
+        z, out = np.asarray(z, float), np.array(inside)
+        low, high = z < self.x[0], z > self.x[-1]
+        lower, upper = (genpareto(shape, 0, scale) for shape, scale in (self.low, self.high))
+        out[low] = below(of(lower, self.x[0] - z[low], self.p[0]))
+        out[high] = of(upper, z[high] - self.x[-1], 1 - self.p[-1])
+        return out
 
 
 @checked
@@ -220,8 +227,9 @@ def normal_scores(frames: Frames, law: Any) -> Array:
     sf = getattr(law, "sf", lambda z: 1 - cdf(z))
     low, high = (np.asarray(f(np.asarray(frames, float)), float) for f in (cdf, sf))
     numbers("recording.normal_scores: law", low[frames == frames], "N", low=0.0, high=1.0)
-    with np.errstate(invalid="ignore"):
-        return np.where(high < 0.5, -ndtri(np.maximum(high, SMALL)), ndtri(np.maximum(low, SMALL)))
+    right = high < 0.5
+    scores = ndtri(np.maximum(np.where(right, high, low), SMALL))
+    return np.where(right, -scores, scores)
 
 
 @checked

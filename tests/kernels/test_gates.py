@@ -82,3 +82,12 @@ def test_errors_may_be_five_times_as_large_as_the_plots_show(share, named):
     scans = [seen(1, along=0.9 * share**2)] * 30
     assert bool(says(scans)) == named
     assert says(scans[:20]) is None
+
+
+@pytest.mark.parametrize(
+    ("clutter", "gated", "said"), [(10, 47, False), (10, 48, True), (90, 13, False), (90, 12, True)]
+)
+def test_a_density_is_named_beyond_its_factor_its_chance_and_three_plots(clutter, gated, said):
+    """Thirty plots are a third, or three times, of what was told: 2.6 sqrt(30) + 3 = 17.2 away."""
+    total = gates.Seen(None, gated, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    assert (gates._other_density(total, clutter) is not None) == said

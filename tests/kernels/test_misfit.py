@@ -157,3 +157,10 @@ def test_the_line_of_the_caller_is_named():
     with pytest.warns(misfit.Misfit) as caught:
         misfit.warn_misfit(3.0 * clean("gaussian"))
     assert caught[0].filename == __file__
+
+
+def test_three_pairs_of_cells_are_the_fewest_for_a_correlation():
+    y = np.array([0.1, 0.5, -0.2, 0.3])[:, None, None]
+    found = misfit._correlation(y, 0)
+    assert found.value == pytest.approx(np.corrcoef(y[:-1, 0, 0], y[1:, 0, 0])[0, 1])
+    assert np.isnan(misfit._correlation(y[:3], 0).value)

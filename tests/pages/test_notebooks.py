@@ -362,7 +362,7 @@ def test_the_page_on_common_scenes_is_short():
     page, before = all_cells("together"), words("together")
     code = [source(cell).splitlines() for cell in page if cell["cell_type"] == "code"]
     assert before[-1] <= 4_500
-    assert sum(map(len, code)) <= 560
+    assert sum(bool(line.strip()) for cell in code for line in cell) <= 560
     assert len(page) <= 90
     assert sum("portfolio.save(" in line for cell in code for line in cell) <= 8
     assert pages.path("together").stat().st_size < 1_500_000

@@ -10,7 +10,7 @@ from scipy.special import i0
 from scipy.stats import kstest
 
 import tbdcore
-from tbdcore import baseline, dynprog, recording
+from tbdcore import baseline, dynprog, motion, recording
 from tbdcore.repro import pages, paths, studies, trials
 
 six = tbdcore.page("together")
@@ -286,6 +286,32 @@ def test_the_threshold_of_the_bound_from_scenes_with_a_target_holds_on_empty_sce
     assert abs((ratios[1] >= t).mean() - terms.mean()) < 2.6 * error
 
 
+def test_the_bound_on_holding_takes_the_more_likely_of_two_turns():
+    s = six.Scene(K=15, enters=0, leaves=15, swerling=True, turn=0.1, snr_db=30.0)
+    (x,), z = scene(s)
+    assert np.hypot(*(six.known_turn(z, x, s) - x[:, ::2]).T)[3:].max() < 1e-9
+    mirrored = np.array([motion.coordinated_turn(-w, 1.0) @ x[0] for w in (s.turn, -s.turn)])
+    none = six.known_turn(np.zeros_like(z), x, s)
+    assert np.isin(none[1].round(9), mirrored[:, ::2].round(9)).all()
+
+
+def test_told_starts_have_the_covariance_that_is_told():
+    x = np.zeros((2, 5, 4))
+    starts = [
+        six.told_start(x, lambda kind, name, i=i: trials.generator(i, "together", name, 0, kind))
+        for i in range(400)
+    ]
+    d2 = (np.array(starts) ** 2 / np.diag(six.KNOWN)).mean(axis=(0, 1))
+    assert np.abs(d2 - 1).max() < 4 * math.sqrt(2 / 800)
+
+
+def test_the_own_plot_is_the_nearest_one_if_there_is_one():
+    path = np.array([[5.0, 0, 5, 0], [6.0, 0, 5, 0], [7.0, 0, 5, 0]])
+    plots = [np.array([[5.9, 5, 1], [5.2, 5, 2]]), np.empty((0, 3)), np.array([[7.0, 9, 3]])]
+    own = six.own_plots(plots, path)
+    assert [rows.tolist() for rows in own] == [[[5.2, 5, 2]], [], []]
+
+
 def test_dynamic_programming_whose_set_is_the_known_path_reaches_the_bound():
     """Its frames are the exact log ratios, its only step is that of the target, (1, 1)."""
     s, n = six.Scene(snr_db=-1.0), 150
@@ -364,6 +390,31 @@ def test_nobody_beats_the_bound():
         assert (over < 2.6).all()
     order = committed("order")
     assert (order["distance (dB)"].dropna() > -0.2).all()
+    for panel, sign in ((0, 1), (1, -1)):  # life and distance
+        each = committed("holding")
+        for _, rows in each[each["panel"] == panel].groupby("x"):
+            best = rows.loc[rows["series"] == "known path but its side", "y"].item()
+            assert (sign * (rows["y"] - best) <= 1e-9).all()
+
+
+def test_tracks_are_better_than_their_start_alone():
+    """Where plots are worth something: the advised methods, at their highest SNR."""
+    for figure, method in (("holding", "averaged (b)"), ("crossing", "JIPDA-AI")):
+        rows = committed(figure).query("panel == 0")
+        top = rows[rows["x"] == rows["x"].max()].set_index("series")
+        error = np.hypot(*top.loc[[method, "start alone"], "se"])
+        assert top.loc[method, "y"] - top.loc["start alone", "y"] > 2.6 * error
+
+
+def test_exact_bayes_is_between_the_methods_and_the_known_path():
+    bayes = studies.read("together_cost").query("method == 'exact Bayes on a grid'")
+    each = committed("acquisition").query("panel == 0")
+    for row in bayes.itertuples():
+        others = each[each["x"] == row.snr_db]
+        error = 2.6 * np.hypot(others["se"], row.found_se)
+        above = others["series"] == "known path (bound)"
+        assert (others["y"] < row.found + error)[~above].all()
+        assert (others["y"] > row.found - error)[above].all()
 
 
 def test_a_method_that_is_told_less_does_not_get_more():
