@@ -16,6 +16,7 @@ from tbdcore.repro import pages, paths, studies, trials
 six = tbdcore.page("together")
 p = replace(six.Setup(), N=200, births=100)
 LOUD = six.Scene(snr_db=30.0)
+TWO = six.Scene(n=64, K=24, enters=0, leaves=24, swerling=True, crossing=math.radians(40))
 
 
 def stream(kind, name=""):
@@ -310,6 +311,24 @@ def test_the_own_plot_is_the_nearest_one_if_there_is_one():
     plots = [np.array([[5.9, 5, 1], [5.2, 5, 2]]), np.empty((0, 3)), np.array([[7.0, 9, 3]])]
     own = six.own_plots(plots, path)
     assert [rows.tolist() for rows in own] == [[[5.2, 5, 2]], [], []]
+
+
+def test_chance_maxima_beside_a_target_help_tracks_that_are_told_their_plots():
+    """Scenes without an echo, as the text says: about six pairs of ten, the start alone four."""
+    s, q = replace(TWO, snr_db=-math.inf), replace(six.Setup(), misses=100)
+    kept = []
+    for i in range(100):
+        x, z = scene(s, i)
+        start = six.told_start(
+            x, lambda kind, name, i=i: trials.generator(9, "together", name, i, kind)
+        )
+        plots = [rows[rows[:, 2] > six.TAU] for rows in six.scans(z, z)]
+        own = [six.chain(six.own_plots(plots, x[t])[1:], six.TAU, q, start[[t]]) for t in (0, 1)]
+        ends = [[[*each][-1][1] for each in own], start[:, ::2] + (s.K - 1) * start[:, 1::2]]
+        kept.append((six.cells_off(np.array(ends), x[:, -1]) < 3).all(axis=1))
+    told, alone = np.mean(kept, axis=0)
+    assert 0.5 < told < 0.75
+    assert 0.25 < alone < 0.5
 
 
 def test_dynamic_programming_whose_set_is_the_known_path_reaches_the_bound():
