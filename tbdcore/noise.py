@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.special import gammaincinv, gammaln, kve, log_ndtr, ndtr, xlogy
 
 from tbdcore.checks import Array, Integer, Number, Numbers, Random, checked
+from tbdcore.jit import kernel
 
 __all__ = ["as_power", "correlated", "exponential", "gaussian", "k_power", "k_survival"]
 __all__ += ["louder", "sloped", "with_gaps"]
@@ -120,10 +121,21 @@ def correlated(shape: Shape, correlation: Correlation, rng: Generator) -> Array:
         raise ValueError(f"noise.correlated: correlation: give one number for each axis of {shape}")
     z = rng.standard_normal(shape)
     for axis, rho in enumerate(correlation.tolist()):
-        line = np.moveaxis(z, axis, 0)  # a view: the recursion is in place
-        for k in range(1, len(line) if rho else 0):
-            line[k] = rho * line[k - 1] + math.sqrt(1 - rho * rho) * line[k]
+        line = np.moveaxis(z, axis, 0)
+        if rho:
+            rows = line.reshape(len(line), math.prod(line.shape[1:]))
+            line[...] = _autoregression(rows, rho).reshape(line.shape)
     return z
+
+
+@kernel
+def _autoregression(rows, rho):
+    """Row k becomes rho times row k - 1 plus sqrt(1 - rho^2) times itself, in place."""
+    fresh = math.sqrt(1 - rho * rho)
+    for k in range(1, len(rows)):
+        for j in range(rows.shape[1]):
+            rows[k, j] = rho * rows[k - 1, j] + fresh * rows[k, j]
+    return rows
 
 
 @checked

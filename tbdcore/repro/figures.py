@@ -8,8 +8,10 @@ line style, for print without colour.
 
 import io
 import json
+import pickle
 import re
 
+import cloudpickle
 import matplotlib
 import numpy as np
 import pandas as pd
@@ -56,13 +58,16 @@ NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Softwa
 
 
 class Portfolio:
-    """The products of a paper's run, for ``folder/<paper>/``; `provenance` says what made them."""
+    """The products of a paper's run, for ``folder/<paper>/``; `provenance` says what made them.
+
+    An `artist`, an executor, draws PDF and SVG while the page goes on: the same bytes.
+    """
 
     colour = COLOURS
 
-    def __init__(self, paper, folder, provenance):
+    def __init__(self, paper, folder, provenance, artist=None):
         self.paper, self.folder, self.provenance = paper, folder, provenance
-        self.files, self.drawn = {}, {}
+        self.files, self.drawn, self.artist, self.waiting = {}, {}, artist, []
 
     @staticmethod
     def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
@@ -118,7 +123,12 @@ class Portfolio:
         """
         id = self._id(name, caption)
         _lay_out(fig)
-        self.files |= render(fig, name, id)
+        self.files |= {f"{name}.{extension}": b"" for extension in CANVASES}  # their places
+        if self.artist:
+            copy = cloudpickle.dumps(fig)  # now: drawing changes a figure
+            job = self.artist.submit(_render_copy, copy, name, id, ("pdf", "svg"))
+            self.waiting.append(job)
+        self.files |= render(fig, name, id, ("png",) if self.artist else tuple(CANVASES))
         drawn = self.drawn.pop(fig, [])
         if data is None and drawn:
             many = len({ax for ax, _ in drawn}) > 1
@@ -193,6 +203,10 @@ def _lay_out(fig):
     fig.set_layout_engine("none")
     for ax in fig.axes:
         ax.set_position(np.round(ax.get_position(original=True).bounds, 6), which="original")
+
+
+def _render_copy(copy, *how):
+    return render(pickle.loads(copy), *how)
 
 
 def render(fig, name, id, extensions=tuple(CANVASES), dpi=STYLE["savefig.dpi"]):

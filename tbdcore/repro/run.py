@@ -6,7 +6,7 @@ interrupted leaves the old products as they were.
 
 import contextlib
 
-from tbdcore.repro import claims, figures, pages, products, screen
+from tbdcore.repro import claims, figures, pages, products, screen, trials
 
 SUFFIXES = (*figures.CANVASES, "gif", "csv", "md", "tex", "json")  # of the files of a product
 
@@ -27,7 +27,8 @@ def begin(paper, namespace):
     ledger = None
     if pages.has_ledger(paper):
         ledger = claims.Ledger(paper, strict=not pages.changed(paper, values))
-    return ledger, Run(paper, folder, pages.provenance(paper, values))
+    artist = trials.process() if trials.cores() > 1 else None
+    return ledger, Run(paper, folder, pages.provenance(paper, values), artist)
 
 
 class Run(figures.Portfolio):
@@ -40,6 +41,10 @@ class Run(figures.Portfolio):
         """
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}
+        for job in self.waiting:
+            self.files |= job.result()
+        if self.artist:
+            self.artist.shutdown()
         files = verdicts | self.files  # a product's JSON is the last of its files
         folder, earlier = self.folder / self.paper, []
         for file in folder.glob("*.json"):

@@ -86,8 +86,19 @@ def _executor(executor, workers, scheduler):
 
         # kept between runs, each process with one thread for linear algebra
         one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        life = {"timeout": IDLE_TIMEOUT, "initializer": end_with_parent, "initargs": (os.getpid(),)}
-        yield get_reusable_executor(workers or cores(), env=one, **life)
+        yield get_reusable_executor(workers or cores(), env=one, **_life())
+
+
+def process():
+    """An executor with one process, which the caller shuts down."""
+    from loky import ProcessPoolExecutor
+
+    return ProcessPoolExecutor(1, **_life())
+
+
+def _life():
+    """Options of processes that wait for work for a day and end when this one does."""
+    return {"timeout": IDLE_TIMEOUT, "initializer": end_with_parent, "initargs": (os.getpid(),)}
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from tbdcore.repro import figures, screen
+from tbdcore.repro import figures, screen, trials
 from tbdcore.repro.claims import Ledger
 from tbdcore.repro.run import Run
 
@@ -63,6 +63,27 @@ def test_the_same_figure_has_the_same_bytes(tmp_path):
         f"fig01.{end}" for end in ("pdf", "svg", "png", "csv", "json")
     } | {f"table1.{end}" for end in ("csv", "md", "tex", "json")}
     assert runs[0].files == runs[1].files
+
+
+def test_an_artist_gives_the_same_bytes(tmp_path, ledger):
+    made = []
+    for artist in (None, trials.process()):
+        run = Run("toy", tmp_path / str(len(made)), PROVENANCE, artist)
+        draw(run)
+        run.publish(ledger)
+        made.append(published(run.folder))
+    assert made[0] == made[1]
+    assert len(made[0]) == 6
+
+
+def test_an_artist_that_fails_publishes_nothing(tmp_path, ledger):
+    run = Run("toy", tmp_path / "figures", PROVENANCE, trials.process())
+    draw(run)
+    run.waiting.append(run.artist.submit(figures.render, None, "fig02", "toy/fig02", ("pdf",)))
+    with pytest.raises(AttributeError, match="NoneType"):
+        run.publish(ledger)
+    assert not published(run.folder)
+    run.artist.shutdown()
 
 
 def test_a_last_bit_changes_no_picture(tmp_path):
