@@ -29,15 +29,16 @@ TOPICS = {"index": "All papers", "together": "The five ideas on the same scenes"
 
 def ids(*papers):
     """Ids of all products, paper by paper, the papers' own figures and tables first."""
-    folders = {paper: paths.figures() / paper for paper in papers or pages.notebooks()}
-    names = {p: [file.stem for file in folder.glob("*.json")] for p, folder in folders.items()}
-    return [f"{paper}/{name}" for paper in names for name in sorted(names[paper], key=_rank)]
 
+    def rank(name):  # fig1, fig2, fig10, table1, then everything else by name
+        kind, number, rest = re.fullmatch(r"([a-z_]*)(\d*)(.*)", name).groups()
+        return {"fig": 0, "table": 1}.get(kind, 2), kind, int(number or 0), rest
 
-def _rank(name):
-    """Order in a gallery: fig1, fig2, fig10, table1, then everything else by name."""
-    kind, number, rest = re.fullmatch(r"([a-z_]*)(\d*)(.*)", name).groups()
-    return {"fig": 0, "table": 1}.get(kind, 2), kind, int(number or 0), rest
+    found = []
+    for paper in papers or pages.notebooks():
+        names = [file.stem for file in (paths.figures() / paper).glob("*.json")]
+        found += [f"{paper}/{name}" for name in sorted(names, key=rank)]
+    return found
 
 
 class Retired(NamedTuple):
@@ -54,21 +55,21 @@ class Retired(NamedTuple):
 
 def retired():
     """The products that are no longer made, by id; raises as :func:`claims.records` does."""
-    return claims.records(paths.PRODUCTS / "retired.csv", Retired, _faults)
 
+    def faults(it):
+        page, instead = (re.fullmatch(r"(\w+)/\w+", id) for id in (it.id, it.instead))
+        made, follows = ((paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead))
+        known = page and page[1] in pages.notebooks()
+        commit = re.fullmatch("[0-9a-f]{7,40}", it.last_commit)
+        lost = instead and not follows
+        return [
+            ("id", not known, "no id of a figure or table, such as track_cfar/fig05"),
+            ("id", made, "it is still made; delete the row, or the figure"),
+            ("last_commit", not commit, "give 7 to 40 hexadecimal digits"),
+            ("instead", lost, "not made; give a product's id, words, or nothing"),
+        ]
 
-def _faults(it):
-    """What can be wrong in a row of retired.csv: column, whether it is, and what to do."""
-    page, instead = (re.fullmatch(r"(\w+)/\w+", id) for id in (it.id, it.instead))
-    made, follows = ((paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead))
-    known = page and page[1] in pages.notebooks()
-    commit = re.fullmatch("[0-9a-f]{7,40}", it.last_commit)
-    return [
-        ("id", not known, "no id of a figure or table, such as track_cfar/fig05"),
-        ("id", made, "it is still made; delete the row, or the figure"),
-        ("last_commit", not commit, "give 7 to 40 hexadecimal digits"),
-        ("instead", instead and not follows, "not made; give a product's id, words, or nothing"),
-    ]
+    return claims.records(paths.PRODUCTS / "retired.csv", Retired, faults)
 
 
 def product(id):
@@ -168,9 +169,6 @@ def _markdown(about, have, folder=None):
     return have["md"].read_text(encoding="utf-8")
 
 
-# Bibliography --------------------------------------------------------------------------------
-
-
 def _entry(kind, key, fields):
     """A BibTeX entry of fields in TeX; empty ones are left out."""
     lines = [f"  {name} = {{{fields[name]}}}," for name in FIELDS if fields.get(name)]
@@ -207,19 +205,22 @@ def repository_entry(known=None, id=""):
     except (yaml.YAMLError, KeyError, TypeError):
         wrong = "no authors or no title in it; take it from the repository again"
         raise ValueError(f"{paths.CITATION.name}: {wrong}") from None
-    address = known.address or about.get("repository-code", "")
-    kind = "figure" if id and {"png", "pdf"} & {*files(id)} else "table"
+    kind = "figure" if {"png", "pdf"} & {*files(id)} else "table"
     note = [known.commit and f"commit {known.commit}", id and f"{kind} {id}"]
-    fields |= {
-        "year": str(about.get("date-released", ""))[:4],
-        "howpublished": _escaped(address),
-    }
-    fields |= {key: about.get(key) for key in ("version", "doi")}
-    return _entry("misc", "tbdcore", fields | {"note": _escaped(", ".join(filter(None, note)))})
+    fields["year"] = str(about.get("date-released", ""))[:4]
+    fields["howpublished"] = _escaped(known.address or about.get("repository-code", ""))
+    fields["note"] = _escaped(", ".join(filter(None, note)))
+    return _entry("misc", "tbdcore", fields | {key: about.get(key) for key in ("version", "doi")})
+
+
+def _name(who):
+    """An author of CITATION.cff: a person, or an entity that BibTeX must not take apart."""
+    if "name" in who:
+        return f"{{{products.tex(who['name'])}}}"
+    return products.tex(f"{who['family-names']}, {who['given-names']}")
 
 
 def _escaped(text):
-    """An address or id for TeX, letter by letter."""
     return re.sub(r"([&%$#_{}])", r"\\\1", text)
 
 
@@ -230,13 +231,6 @@ def entries(page="", id=""):
     known = clone.find()
     said = "".join(f"% {line}\n" for line in known.missing)
     return f"{said}{bibliography(page, known, id)}"
-
-
-def _name(who):
-    """An author of CITATION.cff: a person, or an entity that BibTeX must not take apart."""
-    if "name" in who:
-        return f"{{{products.tex(who['name'])}}}"
-    return products.tex(f"{who['family-names']}, {who['given-names']}")
 
 
 def papers():
@@ -271,9 +265,6 @@ def bibliography(page="", known=None, id=""):
     return "\n".join([*map(paper_entry, found), repository_entry(known, id)])
 
 
-# Gallery -------------------------------------------------------------------------------------
-
-
 def gallery():
     """figures/README.md: every figure and table with caption, verdicts and files."""
     folder, known = paths.figures(), papers()
@@ -285,8 +276,8 @@ def gallery():
         lines += [f"## {topic(paper)}", ""]
         lines += [f"{said}Notebook [{page.stem}]({_relative(page, folder)}).", ""]
         rows = claims.verdicts(paper, folder).to_dict("records") if about else []
-        for id in ids(paper):
-            lines += _exhibit(id, {row["id"]: row for row in rows}, folder)
+        verdicts = {row["id"]: row for row in rows}
+        lines += [_exhibit(id, verdicts, folder) for id in ids(paper)]
     if old := retired():
         lines += ["## Retired", "", *(f"### {id}\n\n{it}.\n" for id, it in old.items())]
     return "\n".join(lines)
@@ -295,16 +286,9 @@ def gallery():
 def _exhibit(id, verdicts, folder):
     about, have = product(id), files(id)
     links = ", ".join(f"[{ending}]({_relative(file, folder)})" for ending, file in have.items())
-    judged = [f"- `{it}` {_judged(verdicts[it])}" for it in about["claims"] if it in verdicts]
-    lines = [
-        f"### {id}",
-        "",
-        _markdown(about, have, folder),
-        "",
-        f"{about['caption']} ({links})",
-        "",
-    ]
-    return [*lines, *judged, ""] if judged else lines
+    judged = [f"- `{it}` {_judged(verdicts[it])}\n" for it in about["claims"] if it in verdicts]
+    head = f"### {id}\n\n{_markdown(about, have, folder)}\n\n{about['caption']} ({links})\n"
+    return "\n".join([head, "".join(judged)]) if judged else head
 
 
 def _judged(row):
@@ -316,8 +300,6 @@ def _judged(row):
     what = f"{row['quantity']}: published {row['published']}{measured}{error}"
     return f"{what}, **{row['verdict']}**{told}"
 
-
-# Tracing ---------------------------------------------------------------------------------------
 
 # where each kind of file keeps the id of its product; a PNG has its length, and "Title", before it
 _PLACES = {
@@ -367,10 +349,11 @@ def which(file):
     now, made = pages.digest(paper), about.get("digest", "")
     copy = "the same bytes as" if same else "differs from" if kept.is_file() else "there is no"
     caption = (about or _record_of(kept, id)).get("caption")
-    state = "made by a run whose record is not here"
-    if about:
-        stale = f"stale: made by the sources {made}, the present ones are {now}"
-        state = f"current: made by the present sources ({made})" if made == now else stale
+    state = f"stale: made by the sources {made}, the present ones are {now}"
+    if not about:
+        state = "made by a run whose record is not here"
+    elif made == now:
+        state = f"current: made by the present sources ({made})"
     again = f"make it again: {about.get('remake', f'tbdcore run {paper}')}"
     lines = filter(None, (id, caption, state, f"{copy} {_relative(kept)}", again))
     return "\n  ".join(lines) + "\n", not about or made == now
