@@ -23,7 +23,7 @@ from itables import javascript, options
 from PIL import Image
 
 import tbdcore
-from tbdcore.repro import cite, claims, clone, front, pages, paths, products, scorecard
+from tbdcore.repro import cite, claims, clone, pages, paths, products, scorecard
 
 FOLDERS = ("benchmarks", "data", "docs", "figures", "notebooks", "tests")
 FILES = ("README.md", "README.zh.md", "CHANGELOG.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff")
@@ -340,7 +340,7 @@ def stage(folder):
     made |= {"gallery": gallery_page(folder), "core": core_page()}
     for name, part in made.items():
         page = (folder / "docs" / f"{name}.md").rename(folder / f"{name}.md")
-        text = front.captions(page.read_text("utf-8"), paths.PRODUCTS)
+        text = scorecard.captions(page.read_text("utf-8"), paths.PRODUCTS)
         texts[f"{name}.md"] = text.replace("<!-- made -->", part)
     for name, text in texts.items():
         (folder / name).write_text(text, "utf-8")

@@ -1,25 +1,29 @@
-"""The scorecard: the files that hold the verdicts of all papers together.
+"""The scorecard: the files that hold the verdicts of all papers together, and the two READMEs.
 
 ``figures/scorecard.csv`` has every verdict, the share of the seeds that give it and the verdict of
-all seeds together (``data/seeds.csv``, made by ``benchmarks/seeds.py``); between two markers of the
-repository's README are a table of the papers, and the rows whose verdict all seeds change.
+all seeds together (``data/seeds.csv``, made by ``benchmarks/seeds.py``).  Between two markers of
+README.md are a table of the papers, and the rows whose verdict all seeds change;
+``README.zh.md``, its translation, has a table of its own there.  Between ``<!-- caption <id> -->``
+and ``<!-- /caption -->`` stands the caption of a product.
 """
 
 import contextlib
+import re
 
 import pandas as pd
 
-from tbdcore.repro import cite, claims, front, pages, paths, products
+from tbdcore.repro import cite, claims, pages, paths, products
 
-BEGIN, END = front.BEGIN, front.END
+BEGIN, END = "<!-- scorecard -->\n", "<!-- /scorecard -->"
+CAPTION = re.compile(r"<!-- caption (\w+/\w+) -->\n.*?<!-- /caption -->", re.DOTALL)
+CHINESE_VERDICTS = ("重现", "不符", "取决于理解", "未定")  # as claims.JUDGED
 STEADY = 0.9  # share of the seeds below which a verdict is marked
 UNSTEADY = f"other verdict in more than {1 - STEADY:.0%} of the seeds"
 
 
 def files(folder, readme):
-    """The files made of a folder's verdicts, path -> bytes; with the repository's README if wanted.
-
-    Raises like :func:`tbdcore.repro.claims.verdicts`.
+    """The files made of a folder's verdicts, path -> bytes; with the repository's READMEs if
+    wanted.  Raises like :func:`tbdcore.repro.claims.verdicts`.
     """
     every = with_seeds(claims.ledger(folder))
     counts = claims.scorecard(folder).set_index("paper")
@@ -29,7 +33,7 @@ def files(folder, readme):
     texts = {folder / "scorecard.md": products.markdown(counts.reset_index())}
     texts |= {folder / "figures.bib": cite.bibliography(), folder / "README.md": cite.gallery()}
     if readme:
-        texts |= {paths.README: front.captions(_readme(every), folder)} | front.files(every)
+        texts |= _readmes(every, folder)
     made = {path: text.encode() for path, text in texts.items()}
     return {folder / "scorecard.csv": products.csv(every)} | made
 
@@ -54,9 +58,8 @@ def with_seeds(every):
     """A table of verdicts; a column `seeds`, the share of the seeds that give the verdict, and
     `together`, the verdict of a number on the trials of all seeds.
     """
-    found = study().set_index(["paper", "claim"])
     keys = pd.MultiIndex.from_frame(every[["paper", "id"]])
-    found, same = found.reindex(keys), every["verdict"].to_numpy()
+    found, same = study().set_index(["paper", "claim"]).reindex(keys), every["verdict"].to_numpy()
     share = sum((found[v].where(same == v, 0) for v in claims.JUDGED), 0.0) / found["seeds"]
     return every.assign(seeds=share.to_numpy(float), together=found["together"].to_numpy())
 
@@ -76,15 +79,47 @@ def changes(folder):
     return [f"{row.paper} {row.id} was {row.verdict_old}, is {row.verdict}" for row in changed]
 
 
-def _readme(every):
-    """README.md with the table of papers between its markers made anew."""
+def captions(text, folder):
+    """A text with the captions of the products in a folder; as it was where there is none."""
+
+    def caption(found):
+        file = folder / f"{found[1]}.json"
+        if not file.is_file():
+            return found[0]
+        said = products.record(file)["caption"]
+        return f"<!-- caption {found[1]} -->\n*{said}*\n<!-- /caption -->"
+
+    return CAPTION.sub(caption, text)
+
+
+def chinese():
+    """The Chinese README, which need not exist."""
+    return paths.README.with_name("README.zh.md")
+
+
+def _readmes(every, folder):
+    """The READMEs made anew, path -> text."""
     before, _, rest = paths.README.read_text(encoding="utf-8").partition(BEGIN)
     _, found, after = rest.partition(END)
     if not found:
         lines = f"{BEGIN.strip()} and {END.strip()}"
         raise ValueError(f"README.md: {lines} are missing; the table of papers goes between them")
-    said = front.depending(every) + _together(every)
-    return f"{before}{BEGIN}{products.markdown(_papers(every))}{said}{END}{after}"
+    english, translated = map(products.markdown, _tables(every))
+    text = f"{before}{BEGIN}{english}{depending(every)}{_together(every)}{END}{after}"
+    texts = {paths.README: captions(text, folder)}
+    if chinese().is_file():
+        before, _, rest = chinese().read_text(encoding="utf-8").partition(BEGIN)
+        texts[chinese()] = f"{before}{BEGIN}{translated}{END}{rest.partition(END)[2]}"
+    return texts
+
+
+def depending(every):
+    """The measured rows that depend on a reading, in a sentence; empty if there is none."""
+    parts = []
+    for paper, rows in every[every["verdict"] == "depends"].groupby("paper", sort=False):
+        parts.append(f"{_link(paper)} {', '.join(f'`{id}`' for id in rows['id'])}")
+    said = f"\nThese depend on a [reading](data/readings.csv): {'; '.join(parts)}.\n"
+    return said if parts else ""
 
 
 def _together(every):
@@ -104,9 +139,11 @@ def _link(paper):
     return f"[{notebook.stem}](notebooks/{notebook.name})"
 
 
-def _papers(every):
-    """README's table: what came of each paper's measured claims, and how many others there are."""
-    rows = []
+def _tables(every):
+    """The tables of the READMEs: each paper, what came of its measured claims, and in English how
+    many others there are.
+    """
+    english, translated = [], []
     for paper, about in cite.papers().items():
         counts = claims.counts(every[every["paper"] == paper])
         measured = {verdict: counts[f"measured: {verdict}"] for verdict in claims.JUDGED}
@@ -114,5 +151,9 @@ def _papers(every):
         row = {"paper": f"{about['topic']} ({about['short']})", "notebook": _link(paper)}
         row |= {"measured": sum(measured.values())} | measured
         row["not measured"] = ", ".join(f"{counts[name]} {name}" for name in others)
-        rows.append(row | {"run time": about.get("run_time", "")})
-    return pd.DataFrame(rows)
+        english.append(row | {"run time": about.get("run_time", "")})
+        row = {"章": _link(paper), "内容": about.get("topic_zh", "")}
+        row |= {"论文的论断": about.get("claim_zh", ""), "结果": about.get("result_zh", "")}
+        row["实测"] = sum(measured.values())
+        translated.append(row | dict(zip(CHINESE_VERDICTS, measured.values(), strict=True)))
+    return pd.DataFrame(english), pd.DataFrame(translated)

@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 import yaml
 
-from tbdcore.repro import cite, claims, front, pages, paths
+from tbdcore.repro import cite, claims, pages, paths, products, scorecard
 
 README = paths.README.read_text(encoding="utf-8")
-CHINESE = front.chinese().read_text(encoding="utf-8")
+CHINESE = scorecard.chinese().read_text(encoding="utf-8")
 PAPERS = tomllib.loads(paths.BIBLIOGRAPHY.read_text(encoding="utf-8"))
 
 
@@ -46,33 +46,39 @@ def test_a_picture_stands_above_its_caption(id):
 
 def test_a_caption_without_a_product_stays_as_it_was(tmp_path):
     text = "<!-- caption index/numbers -->\nold\n<!-- /caption -->\n"
-    assert front.captions(text, tmp_path) == text
+    assert scorecard.captions(text, tmp_path) == text
     (tmp_path / "index").mkdir()
     made = cite.product("index/numbers")
     (tmp_path / "index" / "numbers.json").write_text(json.dumps(made), encoding="utf-8")
-    assert front.captions(text, tmp_path) == text.replace("old", f"*{made['caption']}*")
+    assert scorecard.captions(text, tmp_path) == text.replace("old", f"*{made['caption']}*")
 
 
 def test_one_sentence_names_the_rows_that_depend_on_a_reading():
     rows = [("dp_tbd", "a", "depends"), ("dp_tbd", "b", "differs"), ("mda_tbd", "c", "depends")]
     every = pd.DataFrame(rows, columns=["paper", "id", "verdict"])
-    said = front.depending(every)
+    said = scorecard.depending(every)
     assert said == (
         "\nThese depend on a [reading](data/readings.csv): "
         "[01_dp_tbd](notebooks/01_dp_tbd.ipynb) `a`; "
         "[03_mda_tbd](notebooks/03_mda_tbd.ipynb) `c`.\n"
     )
-    assert front.depending(every[every["verdict"] == "differs"]) == ""
+    assert scorecard.depending(every[every["verdict"] == "differs"]) == ""
 
 
 # The Chinese README --------------------------------------------------------------------------
 
 
 def behind(chinese, english):
-    """A line if a Chinese README follows an older English one."""
-    now = front.digest(english)
+    """A line if a Chinese README follows an older English one.
+
+    It names the digest of the text that it translates, without what is made of products.
+    """
+    before, _, rest = english.partition(scorecard.BEGIN)
+    text = scorecard.CAPTION.sub("", before + rest.partition(scorecard.END)[2])
+    now = products.digest([text.encode()])
+    followed = re.findall(r"^<!-- README\.md ([0-9a-f]+) -->$", chinese, re.MULTILINE)
     says = "translate what has changed, then name the digest"
-    return "" if front.followed(chinese) == now else f"README.zh.md is behind: {says} {now}"
+    return "" if followed[:1] == [now] else f"README.zh.md is behind: {says} {now}"
 
 
 def test_the_chinese_readme_follows_the_english_one():
