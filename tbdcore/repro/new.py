@@ -23,13 +23,16 @@ def files(paper):
     blocks = re.findall(r"^```(\w+) ?([\w-]*)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     (rows,) = [block for kind, _, block in blocks if kind == "text"]
     (table,) = [block for kind, _, block in blocks if kind == "toml"]
-    shown = [block for block in blocks if block[0] in ("python", "markdown")]
-    shown = [(*block[:2], part) for block in shown for part in _parts(*block)]
-    cells = [_cell(*block) for block in shown if block[1] != "declare"]
+    cells = []
+    for kind, tag, block in blocks:
+        if kind == "markdown":  # each section begins a cell
+            cells += [_cell(kind, tag, part) for part in re.split(r"(?m)^(?=##? )", block)[1:]]
+        elif kind == "python" and tag != "declare":
+            cells.append(_cell(kind, tag, block))
     cells = [cell | {"id": f"c{number:02d}"} for number, cell in enumerate(cells)]
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    notebook = {"cells": cells, "metadata": {"kernelspec": kernel}}
-    notebook |= {"nbformat": 4, "nbformat_minor": 5}
+    about = {"metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
+    notebook = {"cells": cells} | about
     number = 1 + max(int(pages.path(page).stem[:2]) for page in pages.notebooks())
     return {
         paths.CLAIMS / f"{paper}.csv": rows,
@@ -38,20 +41,15 @@ def files(paper):
     }
 
 
-def _parts(kind, tag, text):
-    """The cells of a block: each section of a text begins one."""
-    return re.split(r"(?m)^(?=##? )", text.lstrip())[1:] if kind == "markdown" else [text]
-
-
 def _cell(kind, tag, text):
     """A cell of a notebook; what is folded in the book is so in JupyterLab."""
     about = {"tags": [tag]} if tag else {}
-    about |= {"jupyter": {"source_hidden": True}} if tag == "hide-input" else {}
-    lines = text.rstrip().splitlines(keepends=True)
+    if tag == "hide-input":
+        about["jupyter"] = {"source_hidden": True}
+    cell = {"metadata": about, "source": text.rstrip().splitlines(keepends=True)}
     if kind == "markdown":
-        return {"cell_type": "markdown", "metadata": about, "source": lines}
-    empty = {"execution_count": None, "outputs": []}
-    return {"cell_type": "code", "metadata": about, "source": lines} | empty
+        return {"cell_type": "markdown"} | cell
+    return {"cell_type": "code"} | cell | {"execution_count": None, "outputs": []}
 
 
 def create(paper):

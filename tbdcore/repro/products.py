@@ -20,8 +20,6 @@ from tbdcore.repro.processes import signals_held
 
 RECORDED = ("id", "caption", "paper", "claims", "files", "seed", "trials", "digest")
 
-# Files ---------------------------------------------------------------------------------------
-
 
 def write(folder, files, old=()):
     """Write files (name -> bytes) into a folder, all or none; then remove the files `old`.
@@ -31,17 +29,17 @@ def write(folder, files, old=()):
     cannot be made or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    beside = [(folder / f".{name}.{os.getpid()}.part", folder / name) for name in files]
+    parts = {name: folder / f".{name}.{os.getpid()}.part" for name in files}
     try:
-        for (part, _), content in zip(beside, files.values(), strict=True):
-            part.write_bytes(content)
+        for name, part in parts.items():
+            part.write_bytes(files[name])
         with signals_held():
-            for part, place in beside:
-                os.replace(part, place)
-            for place in old:
-                place.unlink(missing_ok=True)
+            for name, part in parts.items():
+                os.replace(part, folder / name)
+            for file in old:
+                file.unlink(missing_ok=True)
     finally:
-        for part, _ in beside:
+        for part in parts.values():
             part.unlink(missing_ok=True)
 
 
@@ -54,9 +52,6 @@ def record(file):
     except (ValueError, TypeError, KeyError):
         again = f"make the products anew: tbdcore run {file.parent.name}"
         raise ValueError(f"{file}: damaged; delete it, then {again}") from None
-
-
-# Digests -------------------------------------------------------------------------------------
 
 
 def digest(contents):
@@ -176,9 +171,6 @@ def _imports(source):
             module = getattr(node, "module", "") or ""
             names += [module, *(f"{module}.{alias.name}".strip(".") for alias in node.names)]
     return [name for name in names if name.startswith("tbdcore")]
-
-
-# Tables as text ------------------------------------------------------------------------------
 
 
 def table_files(frame, name, id):
