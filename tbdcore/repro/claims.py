@@ -35,6 +35,7 @@ import hashlib
 import io
 import math
 import re
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from typing import NamedTuple
 
@@ -609,8 +610,6 @@ def _same(claim, value, unit):
 
 def nearest(word, words):
     """The most similar of some words."""
-    from difflib import get_close_matches
-
     return next(iter(get_close_matches(word, list(words), n=1, cutoff=0.0)), "")
 
 
