@@ -29,17 +29,17 @@ def write(folder, files, old=()):
     cannot be made or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    parts = {name: folder / f".{name}.{os.getpid()}.part" for name in files}
+    beside = [(folder / f".{name}.{os.getpid()}.part", folder / name) for name in files]
     try:
-        for name, part in parts.items():
-            part.write_bytes(files[name])
+        for (part, _), content in zip(beside, files.values(), strict=True):
+            part.write_bytes(content)
         with signals_held():
-            for name, part in parts.items():
-                os.replace(part, folder / name)
-            for file in old:
-                file.unlink(missing_ok=True)
+            for part, place in beside:
+                os.replace(part, place)
+            for place in old:
+                place.unlink(missing_ok=True)
     finally:
-        for part in parts.values():
+        for part, _ in beside:
             part.unlink(missing_ok=True)
 
 
