@@ -99,18 +99,22 @@ def chinese():
 
 def _readmes(every, folder):
     """The READMEs made anew, path -> text."""
-    before, _, rest = paths.README.read_text(encoding="utf-8").partition(BEGIN)
+    english, translated = map(products.markdown, _tables(every))
+    text = _between(paths.README, f"{english}{depending(every)}{_together(every)}")
+    texts = {paths.README: captions(text, folder)}
+    if chinese().is_file():
+        texts[chinese()] = _between(chinese(), translated)
+    return texts
+
+
+def _between(path, made):
+    """The text of a README with what is made between its markers; ValueError without them."""
+    before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
     _, found, after = rest.partition(END)
     if not found:
         lines = f"{BEGIN.strip()} and {END.strip()}"
-        raise ValueError(f"README.md: {lines} are missing; the table of papers goes between them")
-    english, translated = map(products.markdown, _tables(every))
-    text = f"{before}{BEGIN}{english}{depending(every)}{_together(every)}{END}{after}"
-    texts = {paths.README: captions(text, folder)}
-    if chinese().is_file():
-        before, _, rest = chinese().read_text(encoding="utf-8").partition(BEGIN)
-        texts[chinese()] = f"{before}{BEGIN}{translated}{END}{rest.partition(END)[2]}"
-    return texts
+        raise ValueError(f"{path.name}: {lines} are missing; the table of papers goes between them")
+    return f"{before}{BEGIN}{made}{END}{after}"
 
 
 def depending(every):

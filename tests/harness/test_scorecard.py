@@ -59,3 +59,13 @@ def test_the_papers_own_figures_and_tables_come_first_in_their_order(folder):
     for name in reversed(names):
         (folder / "figures" / "tiny" / f"{name}.json").write_text("{}")
     assert cite.ids("tiny") == [f"tiny/{name}" for name in names]
+
+
+@pytest.mark.parametrize("name", ["README.md", "README.zh.md"])
+def test_a_readme_that_has_lost_a_marker_is_left_as_it_is(folder, capsys, name):
+    """What stands after the table would be lost with it."""
+    text = "# Before\n\n<!-- scorecard -->\nold\n\nAfter.\n"
+    (folder / name).write_text(text, encoding="utf-8")
+    assert cli.main(["score"]) == 2
+    assert f"tbdcore: {name}: <!-- scorecard --> and " in capsys.readouterr().err
+    assert (folder / name).read_text(encoding="utf-8") == text
