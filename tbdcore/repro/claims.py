@@ -35,6 +35,7 @@ import hashlib
 import io
 import math
 import re
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from typing import NamedTuple
 
@@ -73,9 +74,6 @@ class Claim(NamedTuple):
     cause: str  # why our result differs; empty where it does not
 
 
-COLUMNS = Claim._fields
-
-
 class Reading(NamedTuple):
     """One row of data/readings.csv, all text: words of a paper that can be read in several ways."""
 
@@ -89,8 +87,8 @@ class Reading(NamedTuple):
 
     def others(self):
         """The options that are flown beside the default."""
-        out = {self.default, *(each.partition(":")[0] for each in _items(self.refuted))}
-        return [option for option in _items(self.options) if option not in out]
+        refuted = [each.partition(":")[0] for each in _items(self.refuted)]
+        return [it for it in _items(self.options) if it not in (self.default, *refuted)]
 
     def touches(self, id):
         """Whether a claim is judged under the options."""
@@ -126,9 +124,8 @@ class Verdict(NamedTuple):
 
     def __repr__(self):
         spread = f" ± {self.se}" if self.se else ""
-        count = f" (n = {self.n})" if self.n else ""
-        measured = f"published {self.published}, measured {self.measured}{spread}{count}"
-        return f"{self.id}: {measured}: {self.verdict}"
+        measured = f"{self.measured}{spread}" + (f" (n = {self.n})" if self.n else "")
+        return f"{self.id}: published {self.published}, measured {measured}: {self.verdict}"
 
 
 def papers(folder=None):
@@ -158,8 +155,10 @@ def records(path, kind, faults=lambda row: (), key=lambda row: row.id):
     ValueError, naming file, row and column, for the first one that is, a row that is incomplete or
     there twice, other columns, and a file that is no CSV or that a spreadsheet program has saved.
     """
+    if not path.is_file():
+        return {}
     found, name, columns = {}, path.name, [*kind._fields]
-    header, *rows = _rows(path) if path.is_file() else [columns]
+    header, *rows = _rows(path)
     if header != columns:
         missing = next((column for column in columns if column not in header), "")
         wrong = f"the columns are {','.join(header)}; make them {','.join(columns)}"
@@ -235,10 +234,9 @@ def readings(paper, folder=None):
         known, options = papers(folder), _items(it.options)
         ids = list(read(it.chapter, folder)) if it.chapter in known else []
         lost = [each for each in _items(it.rows) if not any(fnmatchcase(id, each) for id in ids)]
-        excluded = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
-        excluded = [each and each[1] in options and each[1] != it.default for each in excluded]
+        refuted = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
+        good = all(each and each[1] in options and each[1] != it.default for each in refuted)
         near, claim = nearest(it.chapter, known), nearest("".join(lost[:1]), ids)
-        others = f"one of {it.options}, no default"
         several = len({*options}) >= max(2, len(options))
         return [
             ("chapter", it.chapter not in known, f"the nearest paper is {near!r}"),
@@ -246,7 +244,7 @@ def readings(paper, folder=None):
             ("options", not several, "give two or more, each once, with ;"),
             ("default", it.default not in options, f"choose one of {it.options}"),
             ("rows", lost, f"no claim is {lost}; the nearest is {claim!r}"),
-            ("refuted", not all(excluded), f"write option: reason; {others}"),
+            ("refuted", not good, f"write option: reason; one of {it.options}, no default"),
         ]
 
     path = (folder or paths.CLAIMS).parent / "readings.csv"
@@ -288,8 +286,8 @@ def parse(text):
     if not match or text == "N/A":
         raise ValueError(f"{text!r} is no number")
     plain = re.sub(r"[\s%]", "", text).replace("10^", "1e").lower()
-    exponent, decimals = int(plain.partition("e")[2] or 0), len(match[1] or "")
-    return float(plain), 0.5 * 10.0 ** (exponent - decimals)
+    exponent = int(plain.partition("e")[2] or 0) - len(match[1] or "")
+    return float(plain), 0.5 * 10.0**exponent
 
 
 def quantile(n=None, points=1):
@@ -515,9 +513,10 @@ class Ledger:
         table = []
         for field in dataclasses.fields(scenario):
             value, about = getattr(scenario, field.name), field.metadata
-            if (row := about["row"]) != "open":
-                self.used(row, value, about["unit"])
-            where = self.claims[row].where if row != "open" else row
+            where = about["row"]
+            if where != "open":
+                self.used(where, value, about["unit"])
+                where = self.claims[where].where
             table.append((f"${about['symbol']}$", field.name, _plain(value), about["unit"], where))
         return pd.DataFrame(table, columns=["symbol", "code", "value", "unit", "where"])
 
@@ -541,8 +540,7 @@ class Ledger:
         if missing := [id for id in self.claims if id not in self.verdicts]:
             count = f"{len(missing)} of {len(self.claims)}"
             raise self._error(f"no verdict on {count} claims: {', '.join(missing)}")
-        wrong = [text for id in self.verdicts if self.strict and (text := self._wrong(id))]
-        if wrong:
+        if self.strict and (wrong := list(filter(None, map(self._wrong, self.verdicts)))):
             raise self._error(f"{'; '.join(wrong)}; set data/claims/{self.paper}.csv right")
         return pd.DataFrame([self.verdicts[id] for id in self.claims], columns=Verdict._fields)
 
@@ -560,7 +558,7 @@ class Ledger:
 
     def summary(self):
         """One line: how many of each verdict."""
-        found = [verdict.verdict for verdict in self.verdicts.values()]
+        found = [row.verdict for row in self.verdicts.values()]
         return ", ".join(f"{found.count(v)} {v}" for v in VERDICTS if v in found)
 
     def _error(self, wrong):
@@ -612,8 +610,6 @@ def _same(claim, value, unit):
 
 def nearest(word, words):
     """The most similar of some words."""
-    from difflib import get_close_matches
-
     return next(iter(get_close_matches(word, list(words), n=1, cutoff=0.0)), "")
 
 
@@ -630,21 +626,21 @@ def verdicts(paper, folder=None):
     if not path.is_file():
         raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: {again}")
     try:
-        found = [*records(path, Verdict).values()]
+        found = records(path, Verdict)
     except ValueError as error:
         wrong = f"no table of verdicts ({error})"
         raise ValueError(f"{path}: {wrong}; make it anew: {again}") from None
     known = read(paper)
-    if [row.id for row in found] != list(known):
-        odd = ", ".join(sorted({row.id for row in found} ^ {*known})) or "their order"
+    if list(found) != list(known):
+        odd = ", ".join(sorted({*found} ^ {*known})) or "their order"
         files = f"verdicts.csv and data/claims/{paper}.csv"
         raise ValueError(f"{paper}: {files} do not match in {odd}; run {again}")
-    for number, (row, claim) in enumerate(zip(found, known.values(), strict=True), start=2):
+    for number, (row, claim) in enumerate(zip(found.values(), known.values(), strict=True), 2):
         if row.evidence not in ("", claim.evidence) or row.published != published(claim):
             column = "value" if row.published != published(claim) else "evidence"
             wrong = f"not that of the verdict, {row.published!r}, {row.evidence!r}"
             raise fault(f"{paper}.csv", number, column, f"{wrong}; correct it, or run {again}")
-    return pd.DataFrame(found, columns=Verdict._fields)
+    return pd.DataFrame(found.values(), columns=Verdict._fields)
 
 
 def ledger(folder=None):

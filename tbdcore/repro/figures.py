@@ -19,6 +19,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from PIL import Image
+from scipy.special import ndtr
+from scipy.stats import binom
 
 from tbdcore.repro import products, screen
 from tbdcore.score import Z99
@@ -98,9 +101,6 @@ class Portfolio:
 
     def prediction(self, ax, x, p, runs, name="paper", label=None, **style):
         """Bars in which a share of `runs` runs falls in 99 % of cases when its probability is p."""
-        from scipy.special import ndtr
-        from scipy.stats import binom
-
         tail, p = float(ndtr(-Z99)), np.asarray(p, float)
         low, high = (binom.ppf(q, runs, p) / runs for q in (tail, 1 - tail))
         style = {"color": COLOURS[name], "alpha": 0.35, "lw": 4} | style
@@ -131,9 +131,9 @@ class Portfolio:
         self.files |= render(fig, name, id, ("png",) if self.artist else tuple(CANVASES))
         drawn = self.drawn.pop(fig, [])
         if data is None and drawn:
-            many = len({ax for ax, _ in drawn}) > 1
-            data = [each.assign(panel=fig.axes.index(ax)) if many else each for ax, each in drawn]
-            data = pd.concat(data, ignore_index=True)
+            if len({ax for ax, _ in drawn}) > 1:
+                drawn = [(ax, each.assign(panel=fig.axes.index(ax))) for ax, each in drawn]
+            data = pd.concat([each for _, each in drawn], ignore_index=True)
         if data is not None:
             self.files[f"{name}.csv"] = products.csv(data)
         self.files[f"{name}.json"] = self._json(id, caption, claims)
@@ -145,8 +145,6 @@ class Portfolio:
         The figure itself is the last picture, at which the film rests for four seconds; its 128
         colours are those of the film.  `saved` goes to `save`.
         """
-        from PIL import Image
-
         id, frames, gif = self._id(name, caption), [], io.BytesIO()
         draw(steps - 1)
         _lay_out(fig)

@@ -29,17 +29,17 @@ def write(folder, files, old=()):
     cannot be made or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    beside = [(folder / f".{name}.{os.getpid()}.part", folder / name) for name in files]
+    parts = {name: folder / f".{name}.{os.getpid()}.part" for name in files}
     try:
-        for (part, _), content in zip(beside, files.values(), strict=True):
-            part.write_bytes(content)
+        for name, part in parts.items():
+            part.write_bytes(files[name])
         with signals_held():
-            for part, place in beside:
-                os.replace(part, place)
-            for place in old:
-                place.unlink(missing_ok=True)
+            for name, part in parts.items():
+                os.replace(part, folder / name)
+            for file in old:
+                file.unlink(missing_ok=True)
     finally:
-        for part, _ in beside:
+        for part in parts.values():
             part.unlink(missing_ok=True)
 
 

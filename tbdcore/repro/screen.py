@@ -113,8 +113,7 @@ def _show(paper, part, make):
 
 def check(paper, folder):
     """Raise RuntimeError when the first screen showed other things than those in a folder."""
-    parts = [part for (owner, _), part in _SHOWN.items() if owner == paper]
-    if any(shown != make(folder) for make, shown in parts):
+    if any(shown != make(folder) for (one, _), (make, shown) in _SHOWN.items() if one == paper):
         raise RuntimeError(f"{paper}: first screen is stale; run again")
 
 
@@ -137,13 +136,13 @@ def this_run(ledger, rows):
     """
     lines = []
     for what, row in rows.items():
-        id, *measured = (row,) if isinstance(row, str) else row
-        if not measured:
-            judged = ledger.named(id, ledger.verdicts, "claim judged so far")
+        if isinstance(row, str):
+            judged = ledger.named(row, ledger.verdicts, "claim judged so far")
             lines.append((what, judged.published, with_error(judged.measured, judged.se)))
-            continue
-        printed = claims.published(ledger.named(id, ledger.claims)) if id else ""
-        lines.append((what, printed, _number(*measured)))
+        else:
+            id, measured, se = row
+            printed = claims.published(ledger.named(id, ledger.claims)) if id else ""
+            lines.append((what, printed, _number(measured, se)))
     frame = pd.DataFrame(lines, columns=["", "published", "this run"])
     return Table(f"{products.markdown(frame)}\n*± one standard error.*\n")
 

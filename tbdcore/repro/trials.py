@@ -15,6 +15,7 @@ from itertools import pairwise
 from zlib import crc32
 
 import numpy as np
+from loky import ProcessPoolExecutor, cpu_count, get_reusable_executor
 from tqdm import tqdm
 
 from tbdcore.repro import paths, products
@@ -31,12 +32,13 @@ def generator(seed, paper, experiment, trial, purpose):
     """Random generator of one purpose in one trial: ``SeedSequence(seed, spawn_key=(paper,
     experiment, trial, purpose))``, with the names as CRC-32, the same on every machine.
 
-    `seed` and `trial` are integers; ValueError for a negative one, or a purpose not in PURPOSES.
+    `seed` and `trial` are integers >= 0, `purpose` one of PURPOSES; anything else is a ValueError.
     """
-    if purpose not in PURPOSES:
+    if purpose not in tuple(PURPOSES):
         raise ValueError(f"trials.generator: purpose {purpose!r} is none of {', '.join(PURPOSES)}")
-    if seed < 0 or trial < 0:
-        raise ValueError(f"trials.generator: seed {seed} and trial {trial} must not be negative")
+    if not all(isinstance(it, int | np.integer) and it >= 0 for it in (seed, trial)):
+        wrong = "must be integers and must not be negative"
+        raise ValueError(f"trials.generator: seed {seed!r} and trial {trial!r} {wrong}")
     key = (crc32(paper.encode()), crc32(experiment.encode()), trial, PURPOSES[purpose])
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
 
@@ -59,8 +61,6 @@ def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials
 
 def cores():
     """Number of cores this process may use; ``LOKY_MAX_CPU_COUNT`` allows fewer."""
-    from loky import cpu_count
-
     return cpu_count()
 
 
@@ -82,8 +82,6 @@ def _executor(executor, workers, scheduler):
     elif executor is not None or (workers or cores()) == 1:
         yield executor
     else:
-        from loky import get_reusable_executor
-
         # kept between runs, each process with one thread for linear algebra
         one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         yield get_reusable_executor(workers or cores(), env=one, **_life())
@@ -91,8 +89,6 @@ def _executor(executor, workers, scheduler):
 
 def process():
     """An executor with one process, which the caller shuts down."""
-    from loky import ProcessPoolExecutor
-
     return ProcessPoolExecutor(1, **_life())
 
 
@@ -163,8 +159,8 @@ def _modules():
 def _shares(n, workers):
     """Half-open ranges that cover 0..n, the long ones first: all workers end together."""
     ends = [0]
-    while ends[-1] < n:
-        ends.append(ends[-1] + max(1, (n - ends[-1]) // (SHARES * workers)))
+    while (left := n - ends[-1]) > 0:
+        ends.append(ends[-1] + max(1, left // (SHARES * workers)))
     return list(pairwise(ends))
 
 
@@ -178,10 +174,9 @@ def _parts(pool, chunk, n, label):
     jobs = [pool.submit(chunk, *ends) for ends in _shares(n, workers or cores())]
     try:
         return [job.result() for job in shown(jobs)]
-    except BaseException:
-        for job in jobs:
+    finally:
+        for job in jobs:  # those that are left when one has failed
             job.cancel()
-        raise
 
 
 def _chunk(trial, seed, first, last):

@@ -17,7 +17,7 @@ from tbdcore.repro import claims, paths
 from tbdcore.repro.claims import Ledger
 from tbdcore.scenario import given
 
-HEADER = ",".join(claims.COLUMNS)
+HEADER = ",".join(claims.Claim._fields)
 GOOD = [
     HEADER,
     "a.in,Sec. 1,speed,,500,m/s,input,Sec. 1,,,",

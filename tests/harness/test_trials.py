@@ -75,7 +75,15 @@ def test_the_key_of_a_stream_is_what_the_docstring_says():
 
 
 @pytest.mark.parametrize(
-    "bad", [(-1, "a", "b", 0, "noise"), (0, "a", "b", -1, "noise"), (0, "a", "b", 0, "luck")]
+    "bad",
+    [
+        (-1, "a", "b", 0, "noise"),
+        (0, "a", "b", -1, "noise"),
+        (0, "a", "b", 0, "luck"),
+        (1.5, "a", "b", 0, "noise"),
+        (0, "a", "b", "0", "noise"),
+        (0, "a", "b", 0, ["noise"]),
+    ],
 )
 def test_bad_keys_are_refused(bad):
     with pytest.raises(ValueError, match=r"trials\.generator: [^\n]*$"):

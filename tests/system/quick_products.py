@@ -126,7 +126,7 @@ def blind(tmp_path_factory):
         changed = [a.value != b.value for a, b in zip(rows, known, strict=True) if a.rule]
         assert np.mean(changed) > 0.8
         with open(folder / "data" / "claims" / f"{paper}.csv", "w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([claims.COLUMNS, *rows])
+            csv.writer(file, lineterminator="\n").writerows([claims.Claim._fields, *rows])
     return folder
 
 
