@@ -94,8 +94,11 @@ def k_power(
     nu, the heavier the tail; the variance is 1 + 2 / nu.  ``correlation`` is that of the normal
     scores of the texture, as in :func:`correlated`; the speckle is white.
     """
-    share = ndtr(correlated(shape, correlation, rng))
-    return gammaincinv(nu, share) / nu * rng.standard_exponential(shape)
+    if correlation.any():
+        texture = gammaincinv(nu, ndtr(correlated(shape, correlation, rng)))
+    else:
+        texture = rng.standard_gamma(nu, shape)
+    return texture / nu * rng.standard_exponential(shape)
 
 
 @checked
