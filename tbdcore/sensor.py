@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from scipy.special import i0e, i1e
 
 from tbdcore import checks
-from tbdcore.checks import Integers, Number, Numbers, Random, checked
+from tbdcore.checks import Array, Integers, Number, Numbers, Random, checked
 from tbdcore.jit import kernel
 
 __all__ = ["PolarGrid", "Spread", "add_target", "blob_image", "blob_log_ratio", "blob_peak"]
@@ -39,7 +39,6 @@ __all__ += ["point_frames", "polar_cells", "polar_grid", "power_log_ratio", "spr
 __all__ += ["spread_power"]
 
 HIGH = 1e50  # largest value in a frame, and largest intensity: products stay finite
-Array = np.ndarray
 Real = Annotated[float, Number()]
 Positive = Annotated[float, Number(1e-9, 1e9)]
 Peak = Annotated[float, Number(-HIGH, HIGH)]
