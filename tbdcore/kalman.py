@@ -32,7 +32,6 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numba import literal_unroll
 
 from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked
 from tbdcore.jit import kernel
@@ -186,15 +185,15 @@ def _rotated(u, v, n, along, across):
 
 
 @kernel
-def _finite_parts(parts):
-    """The tuple of numbers and arrays; ValueError where one has a NaN or an infinity."""
-    for part in literal_unroll(parts):
-        wrong = 0
-        for value in np.asarray(part).flat:
+def _finite_tracks(mean, cov):
+    """The tracks; ValueError where one has a NaN or an infinity."""
+    wrong = 0
+    for part in (mean.ravel(), cov.ravel()):
+        for value in part:
             wrong += not math.isfinite(value)
-        if wrong:
-            raise ValueError("kalman: an argument or the result is NaN or infinite; is r = 0?")
-    return parts
+    if wrong > 0:
+        raise ValueError("kalman: an argument or the result is NaN or infinite; is r = 0?")
+    return mean, cov
 
 
 def _stored(where, x, P, result):
@@ -368,7 +367,7 @@ def predict_tracks(
                 cov[t, i, j] = Q[i, j]
                 for l in range(4):
                     cov[t, i, j] += FP[i, l] * F[t, j, l]
-    return _finite_parts((mean, cov))
+    return _finite_tracks(mean, cov)
 
 
 def gate_tracks_spec(x, P, var_r, var_a):
@@ -455,7 +454,7 @@ def update_mixture(
             g0, g1 = K[i, 0] * s00 + K[i, 1] * s01, K[i, 0] * s01 + K[i, 1] * s11
             for j in range(i, 4):
                 cov[t, i, j] = cov[t, j, i] = P[t, i, j] + g0 * K[j, 0] + g1 * K[j, 1]
-    return _finite_parts((mean, cov))
+    return _finite_tracks(mean, cov)
 
 
 @checked
