@@ -9,10 +9,9 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import betainc
 
-from tbdcore.checks import Array, Integer, Numbers, Rule, array, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Numbers, Rule, array, checked
 from tbdcore.noise import Frames, Law
 
 __all__ = ["brightest", "delay", "kept_share", "m_of_n", "m_of_n_probability"]

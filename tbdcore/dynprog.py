@@ -32,9 +32,8 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tbdcore.checks import Array, Integer, Integers, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Integers, Numbers, checked
 from tbdcore.jit import kernel
 
 __all__ = ["Maps", "Transition", "box_transition", "coupled_transition", "forward", "margin"]

@@ -8,10 +8,9 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import gammaincinv, gammaln, kve, log_ndtr, ndtr, xlogy
 
-from tbdcore.checks import Array, Integer, Number, Numbers, Random, Rule, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, Random, Rule, checked
 from tbdcore.jit import kernel
 
 __all__ = ["as_power", "correlated", "exponential", "gaussian", "k_power", "k_survival"]

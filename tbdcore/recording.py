@@ -21,10 +21,9 @@ from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import betaincinv, ndtri
 
-from tbdcore.checks import Array, Flag, Integer, Number, Numbers, checked, numbers
+from tbdcore.checks import Array, ArrayLike, Flag, Integer, Number, Numbers, checked, numbers
 from tbdcore.noise import Frames, Generator, Law
 
 __all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law", "inject"]

@@ -26,10 +26,10 @@ from functools import cache
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import i0e, i1e
 
-from tbdcore.checks import Array, Integer, Integers, Number, Numbers, Random, checked, numbers
+from tbdcore import checks
+from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, Random, checked
 from tbdcore.jit import kernel
 
 __all__ = ["PolarGrid", "Spread", "add_target", "blob_image", "blob_log_ratio", "blob_peak"]
@@ -392,7 +392,7 @@ def add_target(
         raise ValueError(f"add_target: power: shape {power.shape}; give a number or ({len(z)},)")
     power = np.broadcast_to(power, len(z))
     there = np.flatnonzero(~np.isnan(rho))
-    numbers("add_target: power", power[there], "frames", low=0.0, high=HIGH)
+    checks.numbers("add_target: power", power[there], "frames", low=0.0, high=HIGH)
     places = [_target_cells(rho[k], alpha[k], spread, z.shape[1:]) for k in there]
     for k, (near, h2) in zip(there, places, strict=True):
         s = power[k] * h2
