@@ -157,7 +157,9 @@ class TailedLaw(NamedTuple):
 
     def cdf(self, z):
         """Probability of a value of at most z."""
-        return 1 - self.sf(z)
+        z = np.asarray(z, float)
+        low = self.p[0] * self._laws()[0].sf(self.x[0] - z)  # 1 - sf would round to 0
+        return np.where(z < self.x[0], low, 1 - self.sf(z))
 
     def sf(self, z):
         """Probability of a value above z."""
@@ -219,12 +221,12 @@ def normal_scores(frames: Frames, law: Any) -> Array:
     """Scores that are standard normal if ``law`` is the law of the noise; NaN stays.
 
     law : has ``cdf`` and ``sf``, as a frozen SciPy distribution or :func:`empirical_law`, or is
-        the function ``cdf``.  Scores are within +-37, of a function below 8.
+        the function ``cdf``.  Scores are within +-37, of a function at most 8.3.
     """
     cdf = getattr(law, "cdf", law)
     if not callable(cdf):
         raise ValueError("recording.normal_scores: law: give a function, or what has cdf and sf")
-    sf = getattr(law, "sf", lambda z: 1 - cdf(z))
+    sf = getattr(law, "sf", lambda z: np.maximum(1 - np.asarray(cdf(z)), 2.0**-53))
     low, high = (np.asarray(f(np.asarray(frames, float)), float) for f in (cdf, sf))
     numbers("recording.normal_scores: law", low[frames == frames], "N", low=0.0, high=1.0)
     right = high < 0.5
