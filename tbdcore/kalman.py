@@ -28,6 +28,7 @@ plots (``two_point``): after one the prediction may be kilometres off across the
 an error e there makes the linearisation err in range by e**2 / 2 r.
 """
 
+import functools
 import math
 from typing import Annotated
 
@@ -196,10 +197,15 @@ def _finite_tracks(mean, cov):
     return mean, cov
 
 
-def _stored(where, x, P, result):
-    """The state x and covariance P, overwritten by a result that is finite."""
-    x[...], P[...] = _finite(where, *result)
-    return x, P
+def _in_place(compiled):
+    """A kernel that changes a track in place, checked: one that it refuses stays as it was."""
+
+    @functools.wraps(compiled.py_func)
+    def step(x, P, *args):
+        x[...], P[...] = _finite(step.__name__, *compiled(x.copy(), P.copy(), *args))
+        return x, P
+
+    return checked(step, inside=compiled)
 
 
 def two_point_spec(z1, z2, var1, var2, T):
@@ -242,8 +248,13 @@ def predict_cv_spec(x, P, T, q):
     return predict(x, P, F, Q)
 
 
+@_in_place
 @kernel
-def _predict_cv(x, P, T, q):
+def predict_cv(x: State, P: Spread, T: Positive, q: Positive) -> Track:
+    """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
+
+    q >= 0 is the power density of the white acceleration on each axis, in m^2/s^3.
+    """
     x[0] += T * x[1]
     x[2] += T * x[3]
     for a in range(0, 4, 2):
@@ -260,15 +271,6 @@ def _predict_cv(x, P, T, q):
         for j in range(2):
             P[2 + i, j] = P[j, 2 + i]
     return x, P
-
-
-@checked(inside=_predict_cv)
-def predict_cv(x: State, P: Spread, T: Positive, q: Positive) -> Track:
-    """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
-
-    q >= 0 is the power density of the white acceleration on each axis, in m^2/s^3.
-    """
-    return _stored("predict_cv", x, P, _predict_cv(x.copy(), P.copy(), T, q))
 
 
 def gate_polar_spec(x, P, var_r, var_a):
@@ -303,8 +305,15 @@ def update_polar_spec(x, P, y_r, y_a, var_r, var_a):
     return update(x, P, np.array([y_r, y_a]), polar_jacobian(x), np.diag([var_r, var_a]))
 
 
+@_in_place
 @kernel
-def _update_polar(x, P, y_r, y_a, var_r, var_a):
+def update_polar(
+    x: State, P: Spread, y_r: Real, y_a: Real, var_r: Positive, var_a: Positive
+) -> Track:
+    """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
+
+    Errors are independent, with variances var_r and var_a: two scalar updates, no matrix inverse.
+    """
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
     moved = 0.0  # what the range has already moved the predicted azimuth
@@ -326,17 +335,6 @@ def _update_polar(x, P, y_r, y_a, var_r, var_a):
                 P[a, b] -= G[a] * G[b] / D
                 P[b, a] = P[a, b]
     return x, P
-
-
-@checked(inside=_update_polar)
-def update_polar(
-    x: State, P: Spread, y_r: Real, y_a: Real, var_r: Positive, var_a: Positive
-) -> Track:
-    """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
-
-    Errors are independent, with variances var_r and var_a: two scalar updates, no matrix inverse.
-    """
-    return _stored("update_polar", x, P, _update_polar(x.copy(), P.copy(), y_r, y_a, var_r, var_a))
 
 
 def predict_tracks_spec(x, P, F, Q):
