@@ -269,12 +269,13 @@ def blocks(
     step : from the start of a block to that of the next; 0: K, so that no two overlap.  Gaps stay
         where they are: a block with a gap stands for a search with a gap.
     """
-    n = 1 + (len(frames) - K) // (step or K) if len(frames) >= K else 0
+    step = step or K
+    n = max(1 + (len(frames) - K) // step, 0)
     if n < LEAST_BLOCKS:
-        least = K + (LEAST_BLOCKS - 1) * (step or K)
+        least = K + (LEAST_BLOCKS - 1) * step
         words = f"{len(frames)} give {n} blocks, fewer than {LEAST_BLOCKS}; give {least} frames"
         raise ValueError(f"recording.blocks: frames: {words}, or a smaller step")
-    windows = np.lib.stride_tricks.sliding_window_view(frames, K, axis=0)[:: step or K]
+    windows = np.lib.stride_tricks.sliding_window_view(frames, K, axis=0)[::step]
     return np.moveaxis(windows, -1, 1)
 
 
@@ -302,7 +303,8 @@ def threshold(
     fifth with very heavy tails); on one recording its probability has the law Beta(r, n + 1 - r)
     (David and Nagaraja 2003, 2.3), whose 95 % interval is returned.
     """
-    n, used = len(peaks) if peaks.ndim else 0, independent or len(np.atleast_1d(peaks))
+    n = len(peaks) if peaks.ndim else 0
+    used = independent or n
     if not LEAST_BLOCKS <= used <= n or peaks.ndim > 2:
         raise ValueError(f"recording.threshold: peaks: shape {peaks.shape}; give 30 or more blocks")
     if p_false * (n + 1) < 1:
@@ -458,7 +460,7 @@ def blur_of(
     at = np.argwhere((z == largest) & (z > eta))
     inside = ((at[:, 1:] >= half) & (at[:, 1:] < np.array(z.shape[1:]) - half)).all(axis=1)
     patches = [z[k, i - half : i + half + 1, j - half : j + half + 1] for k, i, j in at[inside]]
-    patches = np.array([p for p in patches if np.isfinite(p).all()])
+    patches = np.array([patch for patch in patches if np.isfinite(patch).all()])
     if len(patches) < 5:
         return Blur(np.full(2, np.nan), np.full(2, np.nan), len(patches))
     edge = np.ones(patches.shape[1:], bool)
