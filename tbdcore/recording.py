@@ -157,27 +157,30 @@ class TailedLaw(NamedTuple):
 
     def cdf(self, z):
         """Probability of a value of at most z."""
-        z = np.asarray(z, float)
-        low = self.p[0] * self._laws()[0].sf(self.x[0] - z)  # 1 - sf would round to 0
-        return np.where(z < self.x[0], low, 1 - self.sf(z))
+        z, out = np.asarray(z, float), np.array(1 - self.sf(z))
+        left = z < self.x[0]
+        out[left] = self.p[0] * self._laws()[0].sf(self.x[0] - z[left])  # 1 - sf would round to 0
+        return out
 
     def sf(self, z):
         """Probability of a value above z."""
         z = np.asarray(z, float)
         below, middle, above = self._laws()
-        low = 1 - self.p[0] * below.sf(self.x[0] - z)
-        high = (1 - self.p[-1]) * above.sf(z - self.x[-1])
-        return np.select([z < self.x[0], z > self.x[-1]], [low, high], 1 - middle(z))
+        left, right = z < self.x[0], z > self.x[-1]
+        out = np.array(1 - middle(z))
+        out[left] = 1 - self.p[0] * below.sf(self.x[0] - z[left])
+        out[right] = (1 - self.p[-1]) * above.sf(z[right] - self.x[-1])
+        return out
 
     def logpdf(self, z):
         """Logarithm of the density."""
         z = np.asarray(z, float)
         below, middle, above = self._laws()
-        low = self.p[0] * below.pdf(self.x[0] - z)
-        high = (1 - self.p[-1]) * above.pdf(z - self.x[-1])
-        inside = middle.derivative()(z)
-        density = np.select([z < self.x[0], z > self.x[-1]], [low, high], inside)
-        return np.log(np.maximum(density, SMALL))
+        left, right = z < self.x[0], z > self.x[-1]
+        out = np.array(middle.derivative()(z))
+        out[left] = self.p[0] * below.pdf(self.x[0] - z[left])
+        out[right] = (1 - self.p[-1]) * above.pdf(z[right] - self.x[-1])
+        return np.log(np.maximum(out, SMALL))
 
     def _laws(self):
         """The laws of the lower excess, of what is between the tails, and of the upper excess."""
