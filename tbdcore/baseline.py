@@ -9,20 +9,19 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import betainc
 
-from tbdcore.checks import Array, Integer, Numbers, array, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Numbers, Rule, array, checked
 from tbdcore.noise import Frames, Law
 
 __all__ = ["brightest", "delay", "kept_share", "m_of_n", "m_of_n_probability"]
 __all__ += ["masked_rmse", "matched_filter", "mean_se"]
 
 
-class FlagsRule:
+class FlagsRule(Rule):
     """Rule: an array of True and False, or 1 and 0, of one axis or more, none of length 0."""
 
-    limited, any_axes = False, True
+    any_axes = True
 
     def __call__(self, name, values, sizes):
         flags = array(name, values)

@@ -82,7 +82,7 @@ def radar_equation(
 ) -> Array:
     """SNR at range r of a target that has snr0 at r0 (same unit): the fourth-power law."""
     numbers("detection.radar_equation: r", r, ..., low=1e-50 * r0, high=1e50 * r0)
-    return snr0 * (r0 / np.asarray(r)) ** 4
+    return snr0 * (r0 / r) ** 4
 
 
 def amplitude_ratio_spec(excess, snr):

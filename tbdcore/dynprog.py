@@ -32,9 +32,8 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tbdcore.checks import Integer, Integers, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Integers, Numbers, checked
 from tbdcore.jit import kernel
 
 __all__ = ["Maps", "Transition", "box_transition", "coupled_transition", "forward", "margin"]
@@ -43,7 +42,6 @@ __all__ += ["path", "penalised_transition", "weighted_transition"]
 PIECE = 1920  # bytes of a plane that are treated together: they stay in the first-level cache
 FAR = 1 << 40  # first row of an empty range, and minus its end
 
-Array = np.ndarray
 Weights = Annotated[ArrayLike, Numbers("2d+1", low=0.0, single=True)]
 Three = Annotated[ArrayLike, Numbers(3, low=0.0, single=True)]
 Prices = Annotated[ArrayLike, Numbers(3, low=0.0, high=np.inf, single=True)]
@@ -61,24 +59,9 @@ def margin(frames: Block, width: Width) -> Array:
     if frames.size == 0:
         raise ValueError(f"margin: frames: shape {frames.shape}; give at least one cell")
     K, Nx, Ny = frames.shape
-    framed = np.empty((K, Nx + 2 * width, Ny + 2 * width), frames.dtype)
-    _frame(framed, frames, width)
+    framed = np.full((K, Nx + 2 * width, Ny + 2 * width), -np.inf, frames.dtype)
+    framed[:, width : width + Nx, width : width + Ny] = frames
     return framed
-
-
-@kernel
-def _frame(framed, frames, width):
-    """The loop of :func:`margin`."""
-    K, Nx, Ny = frames.shape
-    for k in range(K):
-        for i in range(framed.shape[1]):
-            row = framed[k, i]
-            for j in range(row.size):
-                row[j] = -np.inf
-        for i in range(Nx):
-            row, cells = framed[k, width + i, width:], frames[k, i]
-            for j in range(Ny):
-                row[j] = cells[j]
 
 
 # Transitions: which states precede a state, and what each way costs
@@ -294,18 +277,8 @@ def _new_maps(z, width, V, setting):
     if K == 0 or min(X, Y) <= 2 * width:
         raise ValueError(f"forward: z: shape {z.shape} leaves no cell in a margin of {width}")
     values = np.empty((K, V, V, X, Y), z.dtype)
-    _close_planes(values.reshape(K * V * V, X * Y), width * Y)
+    values[..., :width, :] = values[..., X - width :, :] = -np.inf
     return Maps(values, np.empty_like(z), setting)
-
-
-@kernel
-def _close_planes(planes, n):
-    """Set the first and the last n values of each plane to -inf."""
-    for p in range(len(planes)):
-        for x in range(n):
-            planes[p, x] = -np.inf
-        for x in range(planes.shape[1] - n, planes.shape[1]):
-            planes[p, np.uint64(x)] = -np.inf  # unsigned: no test for indices below 0
 
 
 @kernel
@@ -554,22 +527,13 @@ def _separate(target, to, source, at, shape, weights, prices, frame, origin):
         t = np.uint64(to[0] + v * to[1])
         j = first + v * apart + step
         i, j, k = np.uint64(j + before), np.uint64(j), np.uint64(j + after)
-        if prices:
-            for x in range(np.uint64(shape[1])):
-                p = source[i + x] - a
-                q = source[j + x] - b
-                r = source[k + x] - c
-                p = p if p > q else q
-                p = p if p > r else r
-                target[t + x] = p + frame[o + x] if plus else p
-        else:
-            for x in range(np.uint64(shape[1])):
-                p = source[i + x] * a
-                q = source[j + x] * b
-                r = source[k + x] * c
-                p = p if p > q else q
-                p = p if p > r else r
-                target[t + x] = p + frame[o + x] if plus else p
+        for x in range(np.uint64(shape[1])):
+            p = _combined(source[i + x], a, prices)
+            q = _combined(source[j + x], b, prices)
+            r = _combined(source[k + x], c, prices)
+            p = p if p > q else q
+            p = p if p > r else r
+            target[t + x] = p + frame[o + x] if plus else p
 
 
 @kernel

@@ -19,15 +19,13 @@ FACTOR = 3.0  # by which a clutter density may be off
 SMALLEST_SHARE = 0.2  # of the errors that were told, within which plots may lie
 SAME = 1.0  # squared Mahalanobis distance below which two tracks are one; two targets have 4
 
+DEG = 1.0, math.pi / 180  # of range and azimuth in degrees
 READINGS = {  # of plots z and start states x
     "the plots look like kilometres": lambda z, x: (1e3 * z, x),
     "the start states look like kilometres": lambda z, x: (z, 1e3 * x),
     "the plots look like [y, x]": lambda z, x: (z[:, ::-1], x),
     "the plots look like [range, azimuth in rad]": lambda z, x: (kalman.cartesian(z), x),
-    "the plots look like [range, azimuth in degrees]": lambda z, x: (
-        kalman.cartesian(z * (1.0, math.pi / 180)),
-        x,
-    ),
+    "the plots look like [range, azimuth in degrees]": lambda z, x: (kalman.cartesian(z * DEG), x),
     "the start states look like [x, y, vx, vy]": lambda z, x: (z, x[:, [0, 2, 1, 3]]),
 }
 
@@ -53,13 +51,15 @@ def look(z, gated, zhat, S, beta, expected, gamma):
     S : (T, 2, 2) their covariances; beta : (T, C + 1) weights, first that of no plot;
     expected : (T,) P_D P_G times the predicted existence; gamma : squared size of a gate
     """
-    e, area = zhat / np.hypot(*zhat.T)[:, None], math.pi * gamma * np.sqrt(np.linalg.det(S))
+    area = math.pi * gamma * np.sqrt(np.linalg.det(S))
+    claims = beta[:, 1:]
     sums = [expected.sum(), (expected * (1 - expected)).sum(), area.sum(), area.max(initial=0.0)]
-    sums.append(beta[:, 1:].sum())
-    for axis in (e, e[:, ::-1] * (-1.0, 1.0)):
+    sums.append(claims.sum())
+    sight = zhat / np.hypot(*zhat.T)[:, None]
+    for axis in (sight, sight[:, ::-1] * (-1.0, 1.0)):
         off = np.einsum("tmi,ti->tm", z[gated] - zhat[:, None], axis)
         variance = np.einsum("ti,tij,tj->t", axis, S, axis)
-        sums.append((beta[:, 1:] * off**2 / variance[:, None]).sum())
+        sums.append((claims * off**2 / variance[:, None]).sum())
     return Seen(z, len(gated), *map(float, sums))
 
 

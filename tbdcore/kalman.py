@@ -28,11 +28,11 @@ plots (``two_point``): after one the prediction may be kilometres off across the
 an error e there makes the linearisation err in range by e**2 / 2 r.
 """
 
+import functools
 import math
 from typing import Annotated
 
 import numpy as np
-from numba import literal_unroll
 
 from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked
 from tbdcore.jit import kernel
@@ -186,21 +186,26 @@ def _rotated(u, v, n, along, across):
 
 
 @kernel
-def _finite_parts(parts):
-    """The tuple of numbers and arrays; ValueError where one has a NaN or an infinity."""
-    for part in literal_unroll(parts):
-        wrong = 0
-        for value in np.asarray(part).flat:
+def _finite_tracks(mean, cov):
+    """The tracks; ValueError where one has a NaN or an infinity."""
+    wrong = 0
+    for part in (mean.ravel(), cov.ravel()):
+        for value in part:
             wrong += not math.isfinite(value)
-        if wrong:
-            raise ValueError("kalman: an argument or the result is NaN or infinite; is r = 0?")
-    return parts
+    if wrong > 0:
+        raise ValueError("kalman: an argument or the result is NaN or infinite; is r = 0?")
+    return mean, cov
 
 
-def _stored(where, x, P, result):
-    """The state x and covariance P, overwritten by a result that is finite."""
-    x[...], P[...] = _finite(where, *result)
-    return x, P
+def _in_place(compiled):
+    """A kernel that changes a track in place, checked: one that it refuses stays as it was."""
+
+    @functools.wraps(compiled.py_func)
+    def step(x, P, *args):
+        x[...], P[...] = _finite(step.__name__, *compiled(x.copy(), P.copy(), *args))
+        return x, P
+
+    return checked(step, inside=compiled)
 
 
 def two_point_spec(z1, z2, var1, var2, T):
@@ -243,8 +248,13 @@ def predict_cv_spec(x, P, T, q):
     return predict(x, P, F, Q)
 
 
+@_in_place
 @kernel
-def _predict_cv(x, P, T, q):
+def predict_cv(x: State, P: Spread, T: Positive, q: Positive) -> Track:
+    """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
+
+    q >= 0 is the power density of the white acceleration on each axis, in m^2/s^3.
+    """
     x[0] += T * x[1]
     x[2] += T * x[3]
     for a in range(0, 4, 2):
@@ -261,15 +271,6 @@ def _predict_cv(x, P, T, q):
         for j in range(2):
             P[2 + i, j] = P[j, 2 + i]
     return x, P
-
-
-@checked(inside=_predict_cv)
-def predict_cv(x: State, P: Spread, T: Positive, q: Positive) -> Track:
-    """Constant-velocity prediction in place: x (4,), P (4, 4), T seconds.
-
-    q >= 0 is the power density of the white acceleration on each axis, in m^2/s^3.
-    """
-    return _stored("predict_cv", x, P, _predict_cv(x.copy(), P.copy(), T, q))
 
 
 def gate_polar_spec(x, P, var_r, var_a):
@@ -304,8 +305,15 @@ def update_polar_spec(x, P, y_r, y_a, var_r, var_a):
     return update(x, P, np.array([y_r, y_a]), polar_jacobian(x), np.diag([var_r, var_a]))
 
 
+@_in_place
 @kernel
-def _update_polar(x, P, y_r, y_a, var_r, var_a):
+def update_polar(
+    x: State, P: Spread, y_r: Real, y_a: Real, var_r: Positive, var_a: Positive
+) -> Track:
+    """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
+
+    Errors are independent, with variances var_r and var_a: two scalar updates, no matrix inverse.
+    """
     r = math.sqrt(x[0] * x[0] + x[2] * x[2])
     c, s = x[0] / r, x[2] / r
     moved = 0.0  # what the range has already moved the predicted azimuth
@@ -327,17 +335,6 @@ def _update_polar(x, P, y_r, y_a, var_r, var_a):
                 P[a, b] -= G[a] * G[b] / D
                 P[b, a] = P[a, b]
     return x, P
-
-
-@checked(inside=_update_polar)
-def update_polar(
-    x: State, P: Spread, y_r: Real, y_a: Real, var_r: Positive, var_a: Positive
-) -> Track:
-    """Update x (4,), P (4, 4) in place by the residual (y_r, y_a) of a plot, in m and rad.
-
-    Errors are independent, with variances var_r and var_a: two scalar updates, no matrix inverse.
-    """
-    return _stored("update_polar", x, P, _update_polar(x.copy(), P.copy(), y_r, y_a, var_r, var_a))
 
 
 def predict_tracks_spec(x, P, F, Q):
@@ -368,7 +365,7 @@ def predict_tracks(
                 cov[t, i, j] = Q[i, j]
                 for l in range(4):
                     cov[t, i, j] += FP[i, l] * F[t, j, l]
-    return _finite_parts((mean, cov))
+    return _finite_tracks(mean, cov)
 
 
 def gate_tracks_spec(x, P, var_r, var_a):
@@ -455,7 +452,7 @@ def update_mixture(
             g0, g1 = K[i, 0] * s00 + K[i, 1] * s01, K[i, 0] * s01 + K[i, 1] * s11
             for j in range(i, 4):
                 cov[t, i, j] = cov[t, j, i] = P[t, i, j] + g0 * K[j, 0] + g1 * K[j, 1]
-    return _finite_parts((mean, cov))
+    return _finite_tracks(mean, cov)
 
 
 @checked

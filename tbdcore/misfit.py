@@ -141,9 +141,9 @@ def fit(
     slopes = [_slope(y, place, law, at.std, fewer) for place in places]
     tails = [_tail(y, q, *expected, fewer) for q in (1e-2, 1e-3)]
     found = [*_level(x, at, law, max(n * fewer, 1.0)), *slopes, *tails, *next_ones]
-    limits = [TOLERANCE[name][law] for name in TOLERANCE]
-    measures = [m._replace(tolerance=limit) for m, limit in zip(found, limits, strict=True)]
-    return Fit(law == "exponential", n, *measures)
+    limits = [of[law] for of in TOLERANCE.values()]
+    found = [m._replace(tolerance=limit) for m, limit in zip(found, limits, strict=True)]
+    return Fit(law == "exponential", n, *found)
 
 
 def _windows(z):

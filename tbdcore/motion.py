@@ -67,12 +67,12 @@ def coordinated_turn(omega: Real, T: Real) -> Array:
 @checked
 def check_transitions(Pi: Annotated[ArrayLike, Numbers("n", "n", low=0.0, high=1 + 1e-9)]) -> Array:
     """Pi as a float array; ValueError unless its rows are probabilities that sum to 1."""
-    for a, row in enumerate(np.asarray(Pi)):
+    for a, row in enumerate(Pi):
         if abs(row.sum() - 1.0) > 1e-9:
             raise ValueError(f"motion.check_transitions: Pi[{a}]: {row.tolist()} do not sum to 1")
-    if not np.size(Pi):
+    if not Pi.size:
         raise ValueError("motion.check_transitions: Pi is empty; give a row for each regime")
-    return np.asarray(Pi)
+    return Pi
 
 
 @kernel

@@ -8,10 +8,9 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import gammaincinv, gammaln, kve, log_ndtr, ndtr, xlogy
 
-from tbdcore.checks import Array, Integer, Number, Numbers, Random, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, Random, Rule, checked
 from tbdcore.jit import kernel
 
 __all__ = ["as_power", "correlated", "exponential", "gaussian", "k_power", "k_survival"]
@@ -21,11 +20,11 @@ TINY = np.finfo(float).tiny
 LAWS = ("gaussian", "exponential")
 
 
-class FramesRule:
+class FramesRule(Numbers):
     """Rule: frames (K, nx, ny); a missing one of a list, None, becomes NaN."""
 
-    limited, stack = True, Numbers("K", "nx", "ny", nan=True, single=True)
-    limit = stack.limit
+    def __init__(self):
+        super().__init__("K", "nx", "ny", nan=True, single=True)
 
     def __call__(self, name, values, sizes):
         if isinstance(values, (list, tuple)) and any(frame is None for frame in values):
@@ -34,13 +33,13 @@ class FramesRule:
                 raise ValueError(f"{name}: every frame is missing; give at least one")
             gap = np.full(min(shapes), np.nan, np.float32)  # keeps the precision of the others
             values = [gap if z is None else z for z in values]
-        z = self.stack(name, values, sizes)
+        z = super().__call__(name, values, sizes)
         if not z.size:
             raise ValueError(f"{name}: shape {z.shape} has no cells; give (K, nx, ny)")
         return z
 
 
-class LawRule:
+class LawRule(Rule):
     """Rule: the name of a law of noise."""
 
     limited = True
@@ -54,10 +53,8 @@ class LawRule:
             raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(LAWS)}")
 
 
-class ShapeRule:
+class ShapeRule(Rule):
     """Rule: a positive integer, or some of them."""
-
-    limited = False
 
     def __call__(self, name, value, sizes):
         value = value if isinstance(value, (tuple, list)) else (value,)

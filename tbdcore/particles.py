@@ -43,20 +43,12 @@ def normalise(lw: Annotated[ArrayLike, Numbers("N", low=None, single=True)]) -> 
     top = lw.max(initial=-np.inf)
     if not math.isfinite(top):
         raise ValueError(f"particles.normalise: largest lw of {lw.size} is {top}; give finite ones")
-    W = _less(lw, top)
+    with np.errstate(over="ignore"):  # beyond 1e308: -inf
+        W = lw - top
     np.exp(W, out=W)
     total = W.sum()
     W /= total
     return W, float(top + np.log(total / lw.size))
-
-
-@kernel
-def _less(lw, top):
-    """lw - top, -inf beyond 1e308: NumPy would warn, and not to let it takes as long as this."""
-    out = np.empty_like(lw)
-    for n in range(lw.size):
-        out[n] = lw[n] - top
-    return out
 
 
 @checked

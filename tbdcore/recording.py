@@ -11,7 +11,8 @@
 
 The law of the noise is ``"gaussian"`` (values around a mean, chapters 01 and 02) or
 ``"exponential"`` (power, chapter 03); any other law is turned into one of these two by
-``normal_scores``, or into log-likelihood ratios by ``log_ratio``.
+``normal_scores``, or into log-likelihood ratios by ``log_ratio``.  *Normalised* frames have noise
+of mean 0 and variance 1, or power of mean 1.
 """
 
 import math
@@ -20,10 +21,9 @@ from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import betaincinv, ndtri
 
-from tbdcore.checks import Array, Flag, Integer, Number, Numbers, checked, numbers
+from tbdcore.checks import Array, ArrayLike, Flag, Integer, Number, Numbers, checked, numbers
 from tbdcore.noise import Frames, Generator, Law
 
 __all__ = ["background", "bin_cells", "blocks", "blur_of", "clipped", "empirical_law", "inject"]
@@ -38,6 +38,7 @@ BOUND = 1.5 * math.sqrt(2 / math.pi)
 MOST_RATIO = 50.0  # log-likelihood ratios of one cell lie in [-50, 50]
 
 Positive = Annotated[float, Number(1e-100, 1e100)]
+Pair = Annotated[ArrayLike, Numbers(2)]
 
 
 class Level(NamedTuple):
@@ -60,11 +61,11 @@ def background(frames: Frames, law: Law = "gaussian") -> Level:
     """
     if len(frames) < 10:
         raise ValueError(f"recording.background: frames: {len(frames)} of them; give at least 10")
-    return Level(*_medians(frames, law, 0))
+    return _medians(frames, law, axis=0)
 
 
 def _medians(z, law, axis):
-    """Mean and standard deviation by medians along an axis."""
+    """Level by medians along an axis."""
     if not (z == z).any():
         raise ValueError("recording: frames: all cells are NaN; give at least one known cell")
     if law == "exponential" and (z < 0).any():
@@ -73,8 +74,8 @@ def _medians(z, law, axis):
         warnings.simplefilter("ignore", RuntimeWarning)  # a cell without values is NaN
         middle = np.nanmedian(z, axis=axis)
         if law == "exponential":
-            return middle / LN2, middle / LN2
-        return middle, np.nanmedian(abs(z - middle), axis=axis) / ndtri(0.75)
+            return Level(middle / LN2, middle / LN2)
+        return Level(middle, np.nanmedian(abs(z - middle), axis=axis) / ndtri(0.75))
 
 
 @checked
@@ -92,7 +93,7 @@ def clipped(
     """
     from scipy.ndimage import uniform_filter
 
-    middle, std = _medians(frames, law, None)
+    middle, std = _medians(frames, law, axis=None)
     offset = middle if law == "gaussian" else 0.0
     z = np.asarray(frames, float) - offset
     if not size:
@@ -105,18 +106,18 @@ def clipped(
 
 
 def _clip(z, law, average, at):
-    """Mean and standard deviation of the averages of what lies near the level ``at``."""
-    for _ in range(ROUNDS):
-        with np.errstate(invalid="ignore", divide="ignore"):
-            if law == "gaussian":
-                keep = abs(z - at.mean) <= CLIP[law] * at.std
-            else:
-                keep = z <= CLIP[law] * at.mean
+    """Level of the averages of what lies near the level ``at``."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for _ in range(ROUNDS):
+            distance, scale = (abs(z - at.mean), at.std) if law == "gaussian" else (z, at.mean)
+            keep = distance <= CLIP[law] * scale
             share = average(keep.astype(float))
             mean = average(np.where(keep, z, 0.0)) / share
-            square = average(np.where(keep, (z - mean) ** 2, 0.0)) / share
-        std = np.sqrt(np.maximum(square, 0.0)) / KEPT[law]
-        at = Level(mean, std) if law == "gaussian" else Level(mean / KEPT[law], mean / KEPT[law])
+            if law == "exponential":
+                at = Level(mean / KEPT[law], mean / KEPT[law])
+            else:
+                square = average(np.where(keep, (z - mean) ** 2, 0.0)) / share
+                at = Level(mean, np.sqrt(np.maximum(square, 0.0)) / KEPT[law])
     return at
 
 
@@ -154,36 +155,40 @@ class TailedLaw(NamedTuple):
     low: tuple
     high: tuple
 
-    def sf(self, z):
-        """Probability of a value above z."""
-        inside = 1 - self._middle()(np.clip(z, self.x[0], self.x[-1]))
-        return self._with_tails(z, inside, lambda law, z, share: share * law.sf(z), lambda p: 1 - p)
-
     def cdf(self, z):
         """Probability of a value of at most z."""
-        return 1 - self.sf(z)
+        z, out = np.asarray(z, float), np.array(1 - self.sf(z))
+        left = z < self.x[0]
+        out[left] = self.p[0] * self._laws()[0].sf(self.x[0] - z[left])  # 1 - sf would round to 0
+        return out
+
+    def sf(self, z):
+        """Probability of a value above z."""
+        z = np.asarray(z, float)
+        below, middle, above = self._laws()
+        left, right = z < self.x[0], z > self.x[-1]
+        out = np.array(1 - middle(z))
+        out[left] = 1 - self.p[0] * below.sf(self.x[0] - z[left])
+        out[right] = (1 - self.p[-1]) * above.sf(z[right] - self.x[-1])
+        return out
 
     def logpdf(self, z):
         """Logarithm of the density."""
-        inside = self._middle().derivative()(np.clip(z, self.x[0], self.x[-1]))
-        density = self._with_tails(z, inside, lambda law, z, share: share * law.pdf(z))
-        return np.log(np.maximum(density, SMALL))
+        z = np.asarray(z, float)
+        below, middle, above = self._laws()
+        left, right = z < self.x[0], z > self.x[-1]
+        out = np.array(middle.derivative()(z))
+        out[left] = self.p[0] * below.pdf(self.x[0] - z[left])
+        out[right] = (1 - self.p[-1]) * above.pdf(z[right] - self.x[-1])
+        return np.log(np.maximum(out, SMALL))
 
-    def _middle(self):
+    def _laws(self):
+        """The laws of the lower excess, of what is between the tails, and of the upper excess."""
         from scipy.interpolate import PchipInterpolator
-
-        return PchipInterpolator(self.x, self.p)
-
-    def _with_tails(self, z, inside, of, below=lambda p: p):
-        """``inside`` with its values in the tails replaced by ``of`` their laws."""
         from scipy.stats import genpareto
 
-        z, out = np.asarray(z, float), np.array(inside)
-        low, high = z < self.x[0], z > self.x[-1]
-        lower, upper = (genpareto(shape, 0, scale) for shape, scale in (self.low, self.high))
-        out[low] = below(of(lower, self.x[0] - z[low], self.p[0]))
-        out[high] = of(upper, z[high] - self.x[-1], 1 - self.p[-1])
-        return out
+        below, above = (genpareto(shape, scale=scale) for shape, scale in (self.low, self.high))
+        return below, PchipInterpolator(self.x, self.p), above
 
 
 @checked
@@ -219,12 +224,12 @@ def normal_scores(frames: Frames, law: Any) -> Array:
     """Scores that are standard normal if ``law`` is the law of the noise; NaN stays.
 
     law : has ``cdf`` and ``sf``, as a frozen SciPy distribution or :func:`empirical_law`, or is
-        the function ``cdf``.  Scores are within +-37, of a function below 8.
+        the function ``cdf``.  Scores are within +-37, of a function at most 8.3.
     """
     cdf = getattr(law, "cdf", law)
     if not callable(cdf):
         raise ValueError("recording.normal_scores: law: give a function, or what has cdf and sf")
-    sf = getattr(law, "sf", lambda z: 1 - cdf(z))
+    sf = getattr(law, "sf", lambda z: np.maximum(1 - np.asarray(cdf(z)), 2.0**-53))
     low, high = (np.asarray(f(np.asarray(frames, float)), float) for f in (cdf, sf))
     numbers("recording.normal_scores: law", low[frames == frames], "N", low=0.0, high=1.0)
     right = high < 0.5
@@ -267,14 +272,13 @@ def blocks(
     step : from the start of a block to that of the next; 0: K, so that no two overlap.  Gaps stay
         where they are: a block with a gap stands for a search with a gap.
     """
-    n = 1 + (len(frames) - K) // (step or K) if len(frames) >= K else 0
+    step = step or K
+    n = max(1 + (len(frames) - K) // step, 0)
     if n < LEAST_BLOCKS:
-        least = K + (LEAST_BLOCKS - 1) * (step or K)
-        raise ValueError(
-            f"recording.blocks: frames: {len(frames)} give {n} blocks, fewer than {LEAST_BLOCKS}; "
-            f"give {least} frames, or a smaller step"
-        )
-    windows = np.lib.stride_tricks.sliding_window_view(frames, K, axis=0)[:: step or K]
+        least = K + (LEAST_BLOCKS - 1) * step
+        words = f"{len(frames)} give {n} blocks, fewer than {LEAST_BLOCKS}; give {least} frames"
+        raise ValueError(f"recording.blocks: frames: {words}, or a smaller step")
+    windows = np.lib.stride_tricks.sliding_window_view(frames, K, axis=0)[::step]
     return np.moveaxis(windows, -1, 1)
 
 
@@ -299,10 +303,11 @@ def threshold(
 
     The threshold is the order statistic r = p_false (n + 1) from above.  On average it delivers
     p_false for any law of the noise (with r below 2 a tenth less, since r is interpolated, and a
-    fifth with very heavy tails).  On one recording the delivered probability has the law
-    Beta(r, n + 1 - r) (David and Nagaraja 2003, 2.3), whose 95 % interval is returned.
+    fifth with very heavy tails); on one recording its probability has the law Beta(r, n + 1 - r)
+    (David and Nagaraja 2003, 2.3), whose 95 % interval is returned.
     """
-    n, used = len(peaks) if peaks.ndim else 0, independent or len(np.atleast_1d(peaks))
+    n = len(peaks) if peaks.ndim else 0
+    used = independent or n
     if not LEAST_BLOCKS <= used <= n or peaks.ndim > 2:
         raise ValueError(f"recording.threshold: peaks: shape {peaks.shape}; give 30 or more blocks")
     if p_false * (n + 1) < 1:
@@ -318,9 +323,6 @@ def threshold(
 # Plots from cells
 
 
-Pair = Annotated[ArrayLike, Numbers(2)]
-
-
 @checked
 def plots(
     frames: Frames,
@@ -331,45 +333,38 @@ def plots(
 ) -> list:
     """Plots of each frame: a list of (n, 5), place on both axes, strength, accuracy on both axes.
 
-    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz 1966).  A
-    missing frame gives None: no scan was taken.
+    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz 1966); a
+    missing frame gives None.  Place is the centroid weighted by what is above the mean, strength
+    the largest value.  Accuracy is the standard deviation of the place: 1.5 times the bound for a
+    blurred point in white noise, sqrt(2 / pi) cells over the amplitude in units of the noise
+    (Winick 1986), and the rounding to cells, 1 / sqrt(12) of a cell for one row, less for more.
 
-    frames : noise of mean 0 and variance 1, or power of mean 1 ("exponential")
-    eta : threshold, in the unit of the frames, above the noise's mean
+    frames, eta : normalised; threshold in the same unit, above the noise's mean
     origin, cell : place of the centre of cell (0, 0), and size of a cell, on each axis.  With
-        range (m) and azimuth (rad) the columns are those of chapter 04.  Chapter 05 takes x, y and
-        the amplitude sqrt(2 power): [r cos(a), r sin(a), sqrt(2 strength)].
-
-    Place is the centroid weighted by what is above the mean, strength the largest value.  Accuracy
-    is the standard deviation of the place: 1.5 times the bound for a blurred point in white noise,
-    sqrt(2 / pi) cells over the amplitude in units of the noise (Winick 1986), and the rounding to
-    cells, 1 / sqrt(12) of a cell for a plot of one row, less for more.
+        range (m) and azimuth (rad) the columns are those of chapter 04; chapter 05 takes x, y and
+        amplitude, [r cos(a), r sin(a), sqrt(2 strength)].
     """
     mean = float(law == "exponential")
     if eta <= mean:
         raise ValueError(f"recording.plots: eta: {eta:g} is not above the noise's mean, {mean:g}")
-    taken = (frames == frames).any(axis=(1, 2))
-    found = zip(taken, frames, strict=True)
-    return [_centroids(z, z > eta, mean, origin, cell) if known else None for known, z in found]
+    return [_plots(z, eta, mean, origin, cell) if (z == z).any() else None for z in frames]
 
 
-def _centroids(frame, above, mean, origin, cell):
-    """The table of :func:`plots` of the cells that are above the threshold."""
+def _plots(frame, eta, mean, origin, cell):
+    """The table of :func:`plots` of one frame."""
     from scipy import ndimage
 
-    label, n = ndimage.label(above, np.ones((3, 3)))
+    label, n = ndimage.label(frame > eta, np.ones((3, 3)))
     if not n:
         return np.empty((0, 5))
     number = np.arange(1, n + 1)
     place = np.array(ndimage.center_of_mass(frame - mean, label, number))
     strength = np.array(ndimage.maximum(frame, label, number))[:, None]
     noise = BOUND / (np.sqrt(2 * strength) if mean else strength)
-    rows = np.array(
-        [[side.stop - side.start for side in box] for box in ndimage.find_objects(label)]
-    )
-    return np.hstack(
-        [origin + cell * place, strength, abs(cell) * np.sqrt(noise**2 + 1 / (12 * rows**3))]
-    )
+    boxes = ndimage.find_objects(label)
+    rows = np.array([[side.stop - side.start for side in box] for box in boxes])
+    accuracy = abs(cell) * np.sqrt(noise**2 + 1 / (12 * rows**3))
+    return np.hstack([origin + cell * place, strength, accuracy])
 
 
 @checked
@@ -383,7 +378,7 @@ def merge_plots(
     Plots at most ``distance`` apart, also through others between them, are one (single linkage,
     Sibson 1973); each column is the mean over the group.
 
-    weights : (n,) positive, as the plots' strengths; None: all alike
+    weights : (n,) positive, such as strengths; None: all alike
     """
     from scipy.sparse.csgraph import connected_components
 
@@ -453,8 +448,7 @@ def blur_of(
 ) -> Blur:
     """Blur from the second moments of bright places, less 1/12 for the cell in which the peak is.
 
-    frames : noise of mean 0 and variance 1, or power of mean 1
-    eta : least value of a place: a cell that is the largest within 2 ``half`` cells
+    frames, eta : normalised; least value of a place, the largest cell within 2 ``half`` cells
     half : cells on each side of the peak that a moment reads; three times the blur or more
 
     The images of the places are added, less the mean of their outermost cells; the moments read 3
@@ -469,7 +463,7 @@ def blur_of(
     at = np.argwhere((z == largest) & (z > eta))
     inside = ((at[:, 1:] >= half) & (at[:, 1:] < np.array(z.shape[1:]) - half)).all(axis=1)
     patches = [z[k, i - half : i + half + 1, j - half : j + half + 1] for k, i, j in at[inside]]
-    patches = np.array([p for p in patches if np.isfinite(p).all()])
+    patches = np.array([patch for patch in patches if np.isfinite(patch).all()])
     if len(patches) < 5:
         return Blur(np.full(2, np.nan), np.full(2, np.nan), len(patches))
     edge = np.ones(patches.shape[1:], bool)
@@ -532,17 +526,16 @@ def inject(
     blur : standard deviation of the amplitude's image h in cells; 0: all in the nearest cell
     rng : draws the phases; unused in "gaussian" frames
 
-    What chance does to the target (S drawn from an exponential law for Swerling 1) is the caller's:
-    strength=S * rng.standard_exponential(K).
+    The strength does not fluctuate; for Swerling 1 give S * rng.standard_exponential(K).
     """
     K, nx, ny = frames.shape
     if strength.shape not in ((), (K,)):
         raise ValueError(f"recording.inject: strength: give one, or one for each of {K} frames")
-    h = [_profile(path[:, axis], n, blur) for axis, n in enumerate((nx, ny))]
-    h = h[0][:, :, None] * h[1][:, None, :] * np.ones(K)[:, None, None]
-    power = h * h * np.broadcast_to(strength, K)[:, None, None]
+    h = _profile(path[:, 0], nx, blur)[:, :, None] * _profile(path[:, 1], ny, blur)[:, None, :]
+    strength = np.broadcast_to(strength, K)[:, None, None]
     if law == "gaussian":
-        return frames + h * np.broadcast_to(strength, K)[:, None, None]
+        return frames + h * strength
+    power = h * h * strength
     phase = np.cos(2 * np.pi * rng.random(frames.shape))
     return frames + power + 2 * np.sqrt(power * np.maximum(frames, 0.0)) * phase
 

@@ -20,7 +20,6 @@ import dataclasses
 import functools
 import math
 import reprlib
-import sys
 import types
 import typing
 from collections.abc import Iterable
@@ -29,17 +28,20 @@ from typing import Any
 
 import numpy as np
 
+from tbdcore.checks import MOST, Integers, Numbers
+
 __all__ = ["ABOVE_ZERO", "BELOW_ONE", "check", "given"]
 
 ABOVE_ZERO, BELOW_ONE = math.ulp(0.0), 1 - 2**-53  # the numbers next to 0 and to 1
-_LARGEST = sys.float_info.max
 
 
 class _Field(typing.NamedTuple):
-    """A field and what it takes; `kinds` are the types that its annotation joins."""
+    """A field and what it takes: the rule of each kind of number that its annotation joins, None
+    of a kind that is no number.
+    """
 
     name: str
-    kinds: tuple
+    rules: dict
     default: object
     low: float
     high: float
@@ -87,8 +89,9 @@ def _fields(kind):
             continue
         hint, about = hints[field.name], field.metadata
         kinds = hint.__args__ if isinstance(hint, types.UnionType) else (hint,)
-        limits = about["low"], about["high"], about["choices"]
-        made = _Field(field.name, kinds, field.default, *limits)
+        low, high = about["low"], about["high"]
+        rules = {kind: _rule(kind, field.default, low, high) for kind in kinds}
+        made = _Field(field.name, rules, field.default, low, high, about["choices"])
         if made.default is not dataclasses.MISSING and not _allowed(made.default, made):
             wrong = _complaint(made.default, made)
             raise ValueError(f"{kind.__name__}.{field.name}: its default {wrong}")
@@ -96,80 +99,68 @@ def _fields(kind):
     return fields
 
 
+def _rule(kind, default, low, high):
+    """The rule for numbers of a kind, None for another kind."""
+    shape, parts = np.shape(default), typing.get_args(kind)
+    if kind in (int, float):
+        shape = ()
+    elif kind is not np.ndarray and tuple not in (kind, typing.get_origin(kind)):
+        return None
+    elif kind is np.ndarray or np.size(default) == 0:
+        shape = (...,)
+    elif ... in parts:
+        shape = ("n", *shape[1:])
+    rule, most = (Integers, 2.0**63) if int in (kind, *parts) else (Numbers, MOST)
+    return rule(*shape, low=-most if low is None else low, high=most if high is None else high)
+
+
 def _allowed(value, field):
     if value is None and field.default is None:
         return True
-    return any(_fits(value, kind, field) for kind in field.kinds)
+    return any(_fits(value, kind, rule, field.choices) for kind, rule in field.rules.items())
 
 
-def _fits(value, kind, field):
+def _fits(value, kind, rule, choices):
     """Whether a value is of a kind, and within the limits or choices of its field."""
     if kind is bool:
         return isinstance(value, bool | np.bool_)
     if kind is str:
-        return isinstance(value, str) and (value in field.choices or not field.choices)
-    if not _is_number(kind):
+        return isinstance(value, str) and (value in choices or not choices)
+    if rule is None:
         return isinstance(value, kind)
-    try:
-        a = np.asarray(value)
-    except ValueError:  # rows of different lengths
+    no = np.ndarray if kind in (int, float) else np.ma.MaskedArray  # its mask would be lost
+    if isinstance(value, no):
         return False
-    masked = isinstance(value, np.ma.MaskedArray)  # its mask would be lost
-    return (
-        not masked and _has_shape(value, a.shape, kind, field.default) and _inside(a, kind, field)
-    )
-
-
-def _is_number(kind):
-    return kind in (int, float, tuple, np.ndarray) or typing.get_origin(kind) is tuple
-
-
-def _has_shape(value, shape, kind, default):
-    if kind in (int, float):
-        return shape == () and not isinstance(value, np.ndarray)
-    if kind is np.ndarray or np.size(default) == 0:
-        return shape != ()
-    if ... in typing.get_args(kind):
-        return len(shape) > 0 and shape[0] > 0 and shape[1:] == np.shape(default)[1:]
-    return shape == np.shape(default)
-
-
-def _inside(a, kind, field):
-    """Whether all numbers of an array are of a kind and within the limits; NaN is not."""
-    whole = _is_whole(kind)
-    if a.dtype.kind not in ("iu" if whole else "iuf"):
-        return a.size == 0
-    low = field.low if field.low is not None else -(2**63) if whole else -_LARGEST
-    high = field.high if field.high is not None else 2**63 - 1 if whole else _LARGEST
-    a = a if whole else a.astype(float)  # in float32 the limits would be rounded
-    return bool(((a >= low) & (a <= high)).all())
-
-
-def _is_whole(kind):
-    return int in (kind, *typing.get_args(kind))
+    try:
+        a = rule("", value, {})
+    except ValueError:
+        return False
+    return a.ndim > 0 if rule.any_axes else a.size > 0
 
 
 def _complaint(value, field):
     """What a value is, and what to give instead."""
     shown = " ".join(reprlib.repr(value).split())
-    if isinstance(value, str) and str in field.kinds:
+    if isinstance(value, str) and str in field.rules:
         near = get_close_matches(value, field.choices, n=1, cutoff=0.0)
         return f"{shown} is unknown; the nearest is {near[0]!r} of {', '.join(field.choices)}"
-    return f"{shown}; give {' or '.join(_words(kind, field) for kind in field.kinds)}"
+    words = [_words(kind, rule, field) for kind, rule in field.rules.items()]
+    return f"{shown}; give {' or '.join(words)}"
 
 
-def _words(kind, field):
+def _words(kind, rule, field):
     """What a field of a kind takes, in words."""
     if kind is bool:
         return "True or False"
     if kind is str:
         return f"one of {', '.join(field.choices)}" if field.choices else "a text"
-    if not _is_number(kind):
+    if rule is None:
         return f"a {kind.__name__}"
-    noun, limits = "integer" if _is_whole(kind) else "number", _limits(field.low, field.high)
+    noun = "integer" if isinstance(rule, Integers) else "number"
+    limits = _limits(field.low, field.high)
     if kind in (int, float):
         return f"a{'n' if noun == 'integer' else ''} {noun} {limits}"
-    if kind is np.ndarray or ... in typing.get_args(kind) or np.size(field.default) == 0:
+    if rule.any_axes or "n" in rule.words:
         return f"{noun}s {limits}"
     return f"{' x '.join(map(str, np.shape(field.default)))} {noun}s {limits}"
 

@@ -75,7 +75,7 @@ def crossings(
     """:func:`crossing` of every row of `curves` (n, m), NaN in a gap; shape (n,)."""
     if not ((np.diff(x) > 0).all() or (np.diff(x) < 0).all()):
         raise ValueError("score.crossings: the abscissas x must be monotone; sort them")
-    if np.ndim(curves) > 2:
+    if curves.ndim > 2:
         raise ValueError("score.crossings: curves of more than two axes; give (n, m)")
     return np.array([_last_passage(x, y, level) for y in np.atleast_2d(curves)])
 

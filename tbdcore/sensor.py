@@ -26,11 +26,10 @@ from functools import cache
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import i0e, i1e
 
 from tbdcore import checks
-from tbdcore.checks import Integers, Number, Numbers, Random, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, Random, checked
 from tbdcore.jit import kernel
 
 __all__ = ["PolarGrid", "Spread", "add_target", "blob_image", "blob_log_ratio", "blob_peak"]
@@ -39,7 +38,6 @@ __all__ += ["point_frames", "polar_cells", "polar_grid", "power_log_ratio", "spr
 __all__ += ["spread_power"]
 
 HIGH = 1e50  # largest value in a frame, and largest intensity: products stay finite
-Array = np.ndarray
 Real = Annotated[float, Number()]
 Positive = Annotated[float, Number(1e-9, 1e9)]
 Peak = Annotated[float, Number(-HIGH, HIGH)]
@@ -265,6 +263,19 @@ class Spread(NamedTuple):
     ha: int
 
 
+# What their fields may be
+GRID = [Number(-HIGH, HIGH)] * 4 + [Integer(1)] * 2
+SPREAD = [Number(1e-9, 1e9)] * 2 + [Integer(0, 10_000)] * 2
+
+
+def _checked_fields(name, value, kind, rules):
+    """The named tuple, its numbers of the types that compiled loops expect; or ValueError."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name}: give a {kind.__name__}({', '.join(kind._fields)})")
+    parts = zip(rules, kind._fields, value, strict=True)
+    return kind(*[rule(f"{name}: {field}", a) for rule, field, a in parts])
+
+
 @checked
 def polar_grid(r_min: Real, r_max: Real, a_min: Real, a_max: Real, dr: Real, da: Real) -> PolarGrid:
     """The grid of a region of whole cells; r in m, a in rad, at most a circle."""
@@ -298,20 +309,8 @@ def polar_cells(
     with np.errstate(divide="ignore", invalid="ignore"):
         angle = np.arctan(x / y)
     out = np.empty((2, x.size))
-    _cells(x, y, angle, _checked_grid(grid), out)
+    _cells(x, y, angle, _checked_fields("grid", grid, PolarGrid, GRID), out)
     return out.reshape(2, *shape)
-
-
-def _checked_grid(grid):
-    """The grid, its numbers of the types that the compiled loop expects."""
-    if not isinstance(grid, PolarGrid):
-        raise ValueError("grid: give a PolarGrid, as polar_grid(...) makes it")
-    numbers = [
-        checks.number(f"grid: {name}", getattr(grid, name), -HIGH, HIGH)
-        for name in grid._fields[:4]
-    ]
-    counts = [checks.integer(f"grid: {name}", getattr(grid, name), 1) for name in ("nr", "na")]
-    return PolarGrid(*numbers, *counts)
 
 
 @kernel
@@ -328,27 +327,16 @@ def _cells(x, y, angle, grid, out):
 @checked
 def spread_power(rho: Real, alpha: Real, spread: Spread, shape: Shape) -> Array:
     """h**2 (nr, na) of a point at (rho, alpha): Yu, Yang and Fu, eq. (6) squared, on every cell."""
-    _check_spread(spread)
+    spread = _checked_fields("spread", spread, Spread, SPREAD)
     d = np.arange(1, shape[0] + 1) - rho
     e = np.arange(1, shape[1] + 1) - alpha
     return np.exp(-spread.lr * d**2)[:, None] * np.exp(-spread.la * e**2)
 
 
-def _check_spread(spread):
-    """Raise ValueError unless the decays are positive and the half widths whole numbers."""
-    if not isinstance(spread, Spread):
-        raise ValueError("spread: give a Spread(lr, la, hr, ha)")
-    for name in ("lr", "la"):
-        checks.number(f"spread: {name}", getattr(spread, name), 1e-9, 1e9)
-    for name in ("hr", "ha"):
-        if checks.integer(f"spread: {name}", getattr(spread, name), 0) > 10_000:
-            raise ValueError(f"spread: {name} = {getattr(spread, name)} cells; at most 10000")
-
-
 @checked
 def spread_area(spread: Spread) -> float:
     """Cells that the point-spread function is worth, the integral of h**2: pi / sqrt(lr la)."""
-    _check_spread(spread)
+    spread = _checked_fields("spread", spread, Spread, SPREAD)
     return math.pi / math.sqrt(spread.lr * spread.la)
 
 
@@ -399,7 +387,7 @@ def add_target(
     rng : draws the angle between A h and v, uniform in every cell, since v is circular; None: cells
         are independent, Yu, Yang and Fu, eqs. (7), (8), and power is the mean of |A|**2
     """
-    _check_spread(spread)
+    spread = _checked_fields("spread", spread, Spread, SPREAD)
     if power.shape not in ((), (len(z),)):
         raise ValueError(f"add_target: power: shape {power.shape}; give a number or ({len(z)},)")
     power = np.broadcast_to(power, len(z))
@@ -496,7 +484,7 @@ def power_log_ratio(
     snr : (N,) intensity over noise power.  Log-ratio 0 where snr is 0 or less; -inf off the frame
     (and at NaN), where the region of eqs. (22), (23) has no target.
     """
-    _check_spread(spread)
+    spread = _checked_fields("spread", spread, Spread, SPREAD)
     nr, na = z.shape
     spread = spread._replace(hr=min(spread.hr, nr), ha=min(spread.ha, na))
     peaks = _peaks(rho, alpha, spread)
@@ -762,7 +750,7 @@ def patch_fit(z: Power, rho: Places, alpha: Places, spread: Spread) -> Array:
     Their quotient is the least-squares intensity over the noise power, of z = snr h**2 + 1.
     Arguments as in :func:`power_log_ratio`.
     """
-    _check_spread(spread)
+    spread = _checked_fields("spread", spread, Spread, SPREAD)
     return _patch_fit(z, rho, alpha, _peaks(rho, alpha, spread), spread)
 
 
@@ -957,7 +945,7 @@ def coherent_log_ratio(
     step : of the midpoint rule over the amplitude, in units of (1 / snr + sum h**2)**-0.5, 0.01 to
         2; error below 1e-4 at 0.25, 1e-2 at 0.8.
     """
-    _check_spread(spread)
+    spread = _checked_fields("spread", spread, Spread, SPREAD)
     amplitude = Spread(0.5 * spread.lr, 0.5 * spread.la, spread.hr, spread.ha)
     peaks = _peaks(rho, alpha, amplitude)
     patch = min(2 * spread.hr + 1, len(z)) * min(2 * spread.ha + 1, z.shape[1])

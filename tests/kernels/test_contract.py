@@ -95,6 +95,11 @@ def test_every_public_function_has_an_example():
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
+def test_the_help_shows_rules_and_no_addresses(name):
+    assert " at 0x" not in str(inspect.signature(function_and_example(name)[0]))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
 def test_keywords_and_fresh_memory_do_not_matter(name):
     function, example = function_and_example(name)
     expected, message = outcome(function, example())

@@ -138,6 +138,20 @@ def test_scores_reach_far_into_the_tail():
     assert np.isfinite(scores[0, 0, [2, 4]]).all()
 
 
+def test_scores_of_a_measured_law_go_on_in_both_tails():
+    z = np.linspace(-30.0, 30.0, 121)[None, None]
+    cells = noise.gaussian((3, 50, 40), rng())
+    scores = recording.normal_scores(z, recording.empirical_law(cells))
+    assert ((np.diff(scores) > 0) & (np.diff(scores) < 1)).all()
+    mirrored = recording.normal_scores(-z, recording.empirical_law(-cells))
+    assert mirrored == pytest.approx(-scores, rel=1e-9, abs=1e-9)
+
+
+def test_scores_of_a_function_end_where_it_rounds_to_one():
+    scores = recording.normal_scores(np.array([[[7.0, 9.0, 40.0]]]), stats.norm.cdf)[0, 0]
+    assert scores == pytest.approx([7.0, 8.2, 8.2], abs=0.1)
+
+
 def test_log_ratios_of_known_laws():
     z = noise.gaussian((2, 4, 5), rng())
     z[0, 1, 1] = np.nan
