@@ -230,11 +230,13 @@ def normal_scores(frames: Frames, law: Any) -> Array:
     if not callable(cdf):
         raise ValueError("recording.normal_scores: law: give a function, or what has cdf and sf")
     sf = getattr(law, "sf", lambda z: np.maximum(1 - np.asarray(cdf(z)), 2.0**-53))
-    low, high = (np.asarray(f(np.asarray(frames, float)), float) for f in (cdf, sf))
-    numbers("recording.normal_scores: law", low[frames == frames], "N", low=0.0, high=1.0)
-    right = high < 0.5
-    scores = ndtri(np.maximum(np.where(right, high, low), SMALL))
-    return np.where(right, -scores, scores)
+    z = np.asarray(frames, float)
+    p = np.asarray(cdf(z), float)
+    numbers("recording.normal_scores: law", p[z == z], "N", low=0.0, high=1.0)
+    right = p > 0.5
+    scores = ndtri(np.maximum(p, SMALL))
+    scores[right] = -ndtri(np.maximum(sf(z[right]), SMALL))
+    return scores
 
 
 @checked
