@@ -284,8 +284,9 @@ def _line(found, names):
     name, m = names[0], getattr(found, names[0])
     size = f"{m.value:.3g} ± {m.se:.1g} {_unit(name, found.power)}".rstrip()
     rises = m.value > 0 or name not in ("level", "spread")
-    effect = "more false alarms than promised" if rises else "weak targets are missed"
-    more = f"; also {', '.join(names[1:])}" if names[1:] else ""
+    more = "other" if name in ("next_x", "next_y") else "more"  # fewer in chapter 01
+    effect = f"{more} false alarms than promised" if rises else "weak targets are missed"
+    also = f"; also {', '.join(names[1:])}" if names[1:] else ""
     mend = MENDS[name.partition("_")[0]]
     noise = f"frames: {name} of the noise is {size} (tolerance {m.tolerance:g})"
-    return f"{noise}: {effect}; recording.{mend}{more}"
+    return f"{noise}: {effect}; recording.{mend}{also}"
