@@ -1,7 +1,7 @@
-"""Do plots agree with what a tracker is told: start states, errors, a density of clutter?
+"""Do plots agree with what a tracker is told: start states, errors, clutter, the noise level?
 
 ``look`` keeps what the gates of one scan hold, and ``contradiction`` names, in one line, what
-exceeds its tolerance with 99 % certainty.
+exceeds its tolerance with 99 % certainty.  ``noise_level`` reads the level off the strengths.
 """
 
 import math
@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tbdcore import kalman
+from tbdcore import detection, kalman
 
-__all__ = ["Seen", "contradiction", "look"]
+__all__ = ["Seen", "contradiction", "look", "noise_level"]
 
 CERTAIN = 2.6  # standard errors, 99 %
 LEAST_SCANS, LEAST_CLAIMS, LAST_SCANS = 5, 20, 10
@@ -138,3 +138,19 @@ def _other_density(total, clutter):
         return None
     words = f"{clutter:.2g} told, {max(false, 0.5) / total.area:.1g} per m^2 in the gates"
     return f'clutter: {words}; give clutter="estimate", or the density'
+
+
+def noise_level(scans):
+    """Level of exponential noise from the strengths of plots, which lie above some threshold.
+
+    scans : arrays (n, d) with the strength in column 2, over the mean power told; or None
+
+    Returns the lowest strength but for a tenth of the plots, the level in dB of what is above it,
+    which has the mean of the noise, and its error, infinite with fewer than 1,000 plots.
+    """
+    lam = np.sort(np.concatenate([[], *(cells[:, 2] for cells in scans if cells is not None)]))
+    lam = lam[len(lam) // 10 : np.searchsorted(lam, np.inf)]
+    if len(lam) < 2:
+        return 0.0, 0.0, np.inf
+    level = detection.to_db(max(np.median(lam - lam[0]), 1e-300) / math.log(2))
+    return lam[0], float(level), 6.5 / math.sqrt(len(lam)) if len(lam) > 899 else np.inf

@@ -892,13 +892,10 @@ def test_plots_that_fit_warn_in_two_of_a_hundred_runs_at_most(page):
     assert warned <= 1
 
 
-def test_the_noise_level_is_that_above_the_lowest_tenth(page):
-    lam = 3.0 + np.random.default_rng(2).standard_exponential(2000)
-    low, level, error = page.noise_level([np.column_stack([lam, lam, lam])])
-    above = np.sort(lam)[200:]
-    assert low == above[0]
-    assert level == pytest.approx(10 * math.log10(np.median(above - low) / math.log(2)))
-    assert error == pytest.approx(6.5 / math.sqrt(1800))
+def test_the_power_of_a_cell_is_that_of_echo_and_noise(page):
+    root, x = np.array([3.0, 0.5, 0.0]), np.random.default_rng(4).standard_normal(12)
+    echo, noise = x.reshape(2, 3, 2) @ [1, 1j]
+    np.testing.assert_allclose(page.powers(root, x), abs(root * echo + noise) ** 2 / 2, rtol=1e-14)
 
 
 def test_a_target_on_the_y_axis_is_no_contradiction(page):
