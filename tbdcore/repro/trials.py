@@ -39,8 +39,15 @@ def generator(seed, paper, experiment, trial, purpose):
     if not all(isinstance(it, int | np.integer) and it >= 0 for it in (seed, trial)):
         wrong = "must be integers and must not be negative"
         raise ValueError(f"trials.generator: seed {seed!r} and trial {trial!r} {wrong}")
-    key = (crc32(paper.encode()), crc32(experiment.encode()), trial, PURPOSES[purpose])
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
+    key = (crc32(paper.encode()), crc32(experiment.encode()), int(trial), PURPOSES[purpose])
+    words = _words(int(seed), 4) + b"".join(map(_words, key))  # as SeedSequence joins them itself
+    sequence = np.random.SeedSequence(np.frombuffer(words, "<u4"))  # three times as fast
+    return np.random.Generator(np.random.PCG64(sequence))
+
+
+def _words(number, least=1):
+    """An integer as words of 32 bits, low end first, at least so many of them."""
+    return number.to_bytes(4 * max(least, -(-number.bit_length() // 32)), "little")
 
 
 def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials"):
