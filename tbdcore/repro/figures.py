@@ -21,7 +21,6 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from PIL import Image
 from scipy.special import ndtr
-from scipy.stats import binom
 
 from tbdcore.repro import products, screen
 from tbdcore.score import Z99
@@ -101,6 +100,8 @@ class Portfolio:
 
     def prediction(self, ax, x, p, runs, name="paper", label=None, **style):
         """Bars in which a share of `runs` runs falls in 99 % of cases when its probability is p."""
+        from scipy.stats import binom  # loading it takes half a second
+
         tail, p = float(ndtr(-Z99)), np.asarray(p, float)
         low, high = (binom.ppf(q, runs, p) / runs for q in (tail, 1 - tail))
         style = {"color": COLOURS[name], "alpha": 0.35, "lw": 4} | style

@@ -11,6 +11,7 @@ the paper's method.  The one cell with the tag ``parameters`` has lines such as
 import ast
 import contextlib
 import dataclasses
+import functools
 import itertools
 import json
 import math
@@ -133,13 +134,18 @@ def cells(paper, tag=None):
     """
     file = path(paper)
     try:
-        every = json.loads(file.read_text(encoding="utf-8"))["cells"]
-        code = [cell for cell in every if cell["cell_type"] == "code"]
-        tagged = [("".join(cell["source"]), cell["metadata"].get("tags", ())) for cell in code]
+        code = _code(file.read_text(encoding="utf-8"))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         wrong = f"no notebook ({type(error).__name__}: {error})"
         raise ValueError(f"{file.name}: {wrong}; take it from the repository again") from None
-    return [source for source, tags in tagged if tag is None or tag in tags]
+    return [source for source, tags in code if tag is None or tag in tags]
+
+
+@functools.lru_cache(maxsize=16)  # asked for in every run of trials on a cluster
+def _code(text):
+    """Source and tags of each code cell in the text of a notebook."""
+    code = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+    return [("".join(cell["source"]), cell["metadata"].get("tags", ())) for cell in code]
 
 
 def page(paper):

@@ -75,11 +75,12 @@ def meaning(source):
     in an f-string count even there.
     """
     tree = ast.parse(re.sub("(?m)^__version__ = .*", "", source))
-    for call in (call for call in map(_message, ast.walk(tree)) if isinstance(call, ast.Call)):
+    nodes = [*ast.walk(tree)]
+    for call in (call for call in map(_message, nodes) if isinstance(call, ast.Call)):
         call.args = [_silent(argument) for argument in call.args]
         for keyword in call.keywords:
             keyword.value = _silent(keyword.value)
-    for function in (node for node in ast.walk(tree) if isinstance(node, FUNCTIONS)):
+    for function in (node for node in nodes if isinstance(node, FUNCTIONS)):
         _silence_locals(function)
     for node in ast.walk(tree):
         _strip(node)
@@ -96,9 +97,10 @@ def _message(node):
     """The call whose arguments are a message, if a node raises or prints one."""
     if isinstance(node, ast.Raise):
         return node.exc
-    name = getattr(node, "func", None)
-    name = getattr(name, "id", getattr(name, "attr", ""))
-    to_file = {each.arg for each in getattr(node, "keywords", ())} & {"file", None}
+    if not isinstance(node, ast.Call):
+        return None
+    name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+    to_file = {each.arg for each in node.keywords} & {"file", None}
     return node if name == "warn" or (name == "print" and not to_file) else None
 
 
@@ -114,8 +116,9 @@ def _silent(node):
 
 def _silence_locals(function):
     """Take the texts out of what is assigned to local names that a function only shows."""
-    read = set().union(*map(_read, ast.walk(function)))
-    found = [node for node in ast.walk(function) if isinstance(node, ast.Assign)]
+    nodes = [*ast.walk(function)]
+    read = set().union(*map(_read, nodes))
+    found = [node for node in nodes if isinstance(node, ast.Assign)]
     found = [node for node in found if [type(each) for each in node.targets] == [ast.Name]]
     shown = [node for node in found if not {node.targets[0].id, *SEES_LOCALS} & read]
     for node in shown:
@@ -166,11 +169,19 @@ def imported(source):
 def _imports(source):
     """Names of this package that a source imports."""
     names = []
-    for node in ast.walk(ast.parse(source)):
+    for node in _statements(ast.parse(source)):
         if isinstance(node, ast.Import | ast.ImportFrom):
             module = getattr(node, "module", "") or ""
             names += [module, *(f"{module}.{alias.name}".strip(".") for alias in node.names)]
     return [name for name in names if name.startswith("tbdcore")]
+
+
+def _statements(node):
+    """All statements of a syntax tree; expressions, which hold most of its nodes, are left out."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+            yield child
+            yield from _statements(child)
 
 
 def table_files(frame, name, id):

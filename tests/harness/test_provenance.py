@@ -125,7 +125,7 @@ CHANGES = {  # the nodes that can be changed, and the change
     ),
     "a number": (
         has(ast.Constant, lambda n: type(n.value) in (int, float)),
-        put(value=lambda n: n.value + 1),
+        put(value=lambda n: 2 * n.value + 1),
     ),
     "a type of number": (
         has(ast.Constant, lambda n: type(n.value) is int),
