@@ -194,7 +194,7 @@ FAULTS = [
     Plant(
         "a seed that ignores the trial",
         "tbdcore/repro/trials.py",
-        "crc32(experiment.encode()), trial, PURPOSES[purpose])",
+        "crc32(experiment.encode()), int(trial), PURPOSES[purpose])",
         "crc32(experiment.encode()), 0, PURPOSES[purpose])",
         "harness/test_trials.py::test_streams_depend_on_each_part_of_their_key_and_on_nothing_else",
     ),
