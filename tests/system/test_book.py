@@ -142,7 +142,7 @@ def test_a_colour_that_is_too_pale_on_a_narrow_page_only_is_found(open_page):
 
 
 def assert_sound(page):
-    """That a page that was opened narrow has no fault at both widths."""
+    """That a page that was opened narrow has no fault at either width."""
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 800})
         assert page.evaluate(FAULTS) == SOUND, width
