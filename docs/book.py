@@ -278,8 +278,8 @@ def origin():
     return f"Version {version}{commit}{address}."
 
 
-def gallery_page(folder):
-    """Thumbnails of all figures with caption and id, paper by paper."""
+def gallery_page(folder, chapters):
+    """Thumbnails of all figures with caption and id, paper by paper, linked to the chapters."""
     lines = []
     for paper in pages.notebooks():
         lines += [f"## {cite.topic(paper)}", ""]
@@ -290,25 +290,26 @@ def gallery_page(folder):
             with Image.open(cite.files(id)["png"]) as picture:
                 picture.thumbnail((480, 480))
                 picture.save(small)
-            lines += [f":::{{figure}} thumbs/{id}.png", f":target: figures/README.html#{id}"]
+            target = chapters[paper].link(id.partition("/")[2])
+            lines += [f":::{{figure}} thumbs/{id}.png", f":target: {target}"]
             lines += [f":alt: {html.escape(caption)}", "", f"`{id}` {caption}", ":::", ""]
         lines += ["::::", ""]
     return "\n".join(lines)
 
 
 def figures_page(text, chapters):
-    """figures/README.md with an anchor and a link into the chapter for each product."""
-    text = re.sub(r"\[md\]\(([^)]*)\)", r"{download}`md <\1>`", text)  # a file, not a page
-    first, *parts = re.split(r"^(?=### )", text, flags=re.MULTILINE)
-    retired = cite.retired()
-    for part in parts:
-        id = part.split()[1]
+    """figures/README.md: for each product an anchor, a link into the chapter, and its files."""
+
+    def line(found):
+        id, sentence = found.groups()
         paper, _, name = id.partition("/")
-        title, _, rest = linked(part, chapters, paper).partition("\n")
-        link = f'<a href="../{chapters[paper].link(name)}">In the chapter</a>\n'
-        link = "" if id in retired else link
-        first += f'<span id="{id}"></span>\n\n{title}\n\n{link}{rest}'
-    return first
+        link = f'<a href="../{chapters[paper].link(name)}">{id}</a>'
+        have = cite.files(id).items()
+        files = ", ".join(f"{{download}}`{kind} <{paper}/{file.name}>`" for kind, file in have)
+        return f'- <span id="{id}"></span>{link}: {sentence} ({files})'
+
+    text = re.sub(r"(?m)^- \[(\w+/\w+)\]\([^)]*\): (.*)$", line, text)
+    return re.sub(r"(?m)^- (\w+/\w+)(?= is retired)", r'- <span id="\1"></span>\1', text)
 
 
 def core_page():
@@ -337,7 +338,7 @@ def stage(folder):
     for chapter in chapters.values():
         texts[f"notebooks/{chapter.file.name}"] = notebook_page(chapter, chapters)
     made = {"index": index_page(), "claims": claims_page(chapters)}
-    made |= {"gallery": gallery_page(folder), "core": core_page()}
+    made |= {"gallery": gallery_page(folder, chapters), "core": core_page()}
     for name, part in made.items():
         page = (folder / "docs" / f"{name}.md").rename(folder / f"{name}.md")
         text = scorecard.captions(page.read_text("utf-8"), paths.PRODUCTS)

@@ -54,7 +54,7 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
     if left := _remove_leftovers(folder / paper, output.parent):
         say(f"{paper}: removed what a killed run had left: {', '.join(left)}")
     if resume and done(paper, values, folder):
-        found, summary = counts(paper, folder)
+        found, summary = counts(paper, folder, values)
         say(f"{paper}: skipped, its products have these sources and parameters ({summary})")
         kept = str(output) if output.is_file() else ""
         return result._replace(verdicts=found, skipped=True, notebook=kept)
@@ -65,10 +65,9 @@ def run(paper, values, output, *, say=print, resume=False, debug=False):
         fault = {"status": FAILED, "error": str(error), "notebook": str(_failed_at(output))}
         return result._replace(seconds=round(time.monotonic() - start, 1), **fault)
     result = result._replace(seconds=round(time.monotonic() - start, 1))
-    found, summary = counts(paper, folder)
-    if found:
-        few = smaller(paper, values)
-        say(f"{paper}: {summary}" + (f"; verdicts void: {few}" if few else ""))
+    found, summary = counts(paper, folder, values)
+    if paper in claims.papers():
+        say(f"{paper}: {summary}")
     say(f"{paper}: {result.seconds:.0f} s; products in {folder / paper}")
     return result._replace(verdicts=found)
 
@@ -100,12 +99,14 @@ def done(paper, values, folder):
     return all(about | now == about for about in made)
 
 
-def counts(paper, folder):
+def counts(paper, folder, values):
     """How many claims of each kind a folder's verdicts have, as the scorecard counts them, and that
-    as text; none for a page that judges no paper.
+    as text; none for a page that judges no paper, and for a run that is too small for verdicts.
     """
     if paper not in claims.papers():
         return {}, "no claims"
+    if few := smaller(paper, values):
+        return {}, f"verdicts void: {few}"
     found = claims.counts(claims.verdicts(paper, folder)).items()
     found = {name: n for name, n in found if isinstance(n, int) and n and name != "claims"}
     verdicts = {name[10:]: n for name, n in found.items() if name.startswith("measured: ")}

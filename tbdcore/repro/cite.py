@@ -3,7 +3,7 @@
 A product has the id ``<paper>/<name>``, for instance ``track_cfar/fig05``; the JSON beside it says
 everything about it.  ``text`` writes what a report needs, ``which`` finds out what a file is that
 lies anywhere under any name, and whether the sources that made it have changed since; ``retired``
-lists what is no longer made; ``gallery`` and ``bibliography`` are ``figures/README.md`` and
+lists what is no longer made; ``listing`` and ``bibliography`` are ``figures/README.md`` and
 ``figures/figures.bib``.  Bibliographic fields come from ``data/papers.toml`` and ``CITATION.cff``,
 in ``entries`` also from the clone (``clone.find``).
 """
@@ -21,6 +21,7 @@ from tbdcore.repro import claims, clone, pages, paths, products
 ARTICLE = ("author", "title", "journal", "year")  # what BibTeX requires of an @article
 FIELDS = (*ARTICLE[:3], "volume", "number", "pages", "year", "version", "doi", "howpublished")
 FIELDS += ("key", "note")
+SHOWN_ROWS = 40  # of a table, at most
 COLUMN = 325  # points: a little less than the text of an article, 345, is wide
 KINDS = ("pdf", "svg", "png", "gif", "md", "tex", "csv", "json")
 # pages that judge no paper
@@ -80,6 +81,7 @@ def product(id):
             raise ValueError(str(old[id]))
         advice = f"there are none in {paths.figures()}; make them: tbdcore run"
         if known:
+            known = [it for it in known if it.startswith(f"{id.partition('/')[0]}/")] or known
             advice = f"the nearest is {claims.nearest(id, known)!r}; tbdcore cite lists them"
         raise ValueError(f"{id!r}: no such figure or table; {advice}")
     return products.record(paths.figures() / f"{id}.json")
@@ -162,10 +164,10 @@ def _points(tabular):
     return sum(4.1 * min(max(width, 8), 27) + 6 for width in widths)
 
 
-def _markdown(about, have, folder=None):
+def _markdown(about, have):
     """A picture, or the table itself."""
     if "png" in have:
-        return f"![{_caption(about)}]({_relative(have['png'], folder)})"
+        return f"![{_caption(about)}]({_relative(have['png'])})"
     return have["md"].read_text(encoding="utf-8")
 
 
@@ -265,40 +267,62 @@ def bibliography(page="", known=None, id=""):
     return "\n".join([*map(paper_entry, found), repository_entry(known, id)])
 
 
-def gallery():
-    """figures/README.md: every figure and table with caption, verdicts and files."""
-    folder, known = paths.figures(), papers()
-    uses = "Cite one with `tbdcore cite <id>`, trace a file with `tbdcore which <file>`."
+def listing():
+    """figures/README.md: every figure and table in a line, with the first sentence of its caption.
+
+    `tbdcore show` has the whole caption, the data and the verdicts.
+    """
+    folder = paths.figures()
+    uses = (
+        "`tbdcore show <id>` shows caption, data and verdicts of one, `tbdcore cite <id>` cites it."
+    )
     lines = ["# Figures and tables", "", f"Written by `tbdcore score`. {uses}", ""]
     for paper in pages.notebooks():
-        about, page = known.get(paper), pages.path(paper)
-        said = f"{about['short']}: *{about['title']}*. " if about else ""
+        page = pages.path(paper)
         lines += [f"## {topic(paper)}", ""]
-        lines += [f"{said}Notebook [{page.stem}]({_relative(page, folder)}).", ""]
-        rows = claims.verdicts(paper, folder).to_dict("records") if about else []
-        verdicts = {row["id"]: row for row in rows}
-        lines += [_exhibit(id, verdicts, folder) for id in ids(paper)]
+        lines += [f"Notebook [{page.stem}]({_relative(page, folder)}).", ""]
+        lines += [*map(_line, ids(paper)), ""]
     if old := retired():
-        lines += ["## Retired", "", *(f"### {id}\n\n{it}.\n" for id, it in old.items())]
+        lines += ["## Retired", "", *(f"- {it}." for it in old.values()), ""]
     return "\n".join(lines)
 
 
-def _exhibit(id, verdicts, folder):
+def _line(id):
+    """A product in a line of Markdown: its id, linked to the file to look at, and what it is."""
+    have = files(id)
+    file = have.get("gif") or have.get("png") or have.get("md") or have["json"]
+    sentence = re.split(r"(?<=[^.][.?]) (?=[A-Z])", product(id)["caption"])[0]
+    return f"- [{id}]({_relative(file, paths.figures())}): {sentence}"
+
+
+def shown(id):
+    """Caption, data and verdicts of a product, as text; of a long table the first and last rows."""
+    import pandas as pd
+
     about, have = product(id), files(id)
-    links = ", ".join(f"[{ending}]({_relative(file, folder)})" for ending, file in have.items())
-    judged = [f"- `{it}` {_judged(verdicts[it])}\n" for it in about["claims"] if it in verdicts]
-    head = f"### {id}\n\n{_markdown(about, have, folder)}\n\n{about['caption']} ({links})\n"
-    return "\n".join([head, "".join(judged)]) if judged else head
+    paper, text = about["paper"], f"{id}\n  {_caption(about)}\n"
+    if "csv" in have:
+        try:
+            data = pd.read_csv(have["csv"], dtype=str, keep_default_na=False)
+        except ValueError as error:  # pandas' own errors are ValueErrors
+            again = f"make it anew: tbdcore run {paper}"
+            raise ValueError(f"{have['csv']}: no table ({error}); {again}") from None
+        lines = data.to_string(index=False, max_rows=SHOWN_ROWS)
+        text += f"\n{_relative(have['csv'])}, {len(data)} rows\n{lines}\n"
+    if about["claims"]:
+        verdicts = claims.verdicts(paper).set_index("id").loc[about["claims"]]
+        text += "\nverdicts\n" + "".join(f"  {_judged(row)}\n" for _, row in verdicts.iterrows())
+    return text
 
 
 def _judged(row):
-    """A verdict in a line: the quantity, what was published and measured, the verdict."""
+    """A verdict in a line: its id, the quantity, what was published and measured, the verdict."""
     measured = f", measured {row['measured']}" if row["measured"] else ""
     number = row["measured"].lstrip("-").replace(".", "").isdigit()
     error = f" ± {row['se']}" if row["se"] and number else ""
     told = f" ({row['readings']})" if row["verdict"] == "depends" else ""
-    what = f"{row['quantity']}: published {row['published']}{measured}{error}"
-    return f"{what}, **{row['verdict']}**{told}"
+    what = f"{row.name} {row['quantity']}: published {row['published']}{measured}{error}"
+    return f"{what}, {row['verdict']}{told}"
 
 
 # where each kind of file keeps the id of its product; a PNG has its length, and "Title", before it

@@ -608,9 +608,9 @@ def _same(claim, value, unit):
     return math.isclose(number * ours, printed * theirs, rel_tol=1e-9, abs_tol=1e-300)
 
 
-def nearest(word, words):
-    """The most similar of some words."""
-    return next(iter(get_close_matches(word, list(words), n=1, cutoff=0.0)), "")
+def nearest(word, words, cutoff=0.0):
+    """The most similar of some words, empty if none has a similarity of `cutoff`, 0 to 1."""
+    return next(iter(get_close_matches(word, list(words), n=1, cutoff=cutoff)), "")
 
 
 def verdicts(paper, folder=None):

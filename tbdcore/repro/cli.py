@@ -25,10 +25,11 @@ OPTIONS = {
     "paper": PAPER,
     "[paper]": PAPER | {"nargs": "?"},
     "values": {"metavar": "name=v1,v2,...", "help": "one parameter; between lists write ;"},
-    "id": ID | {"nargs": "?", "default": ""},
+    "id": ID,
+    "[id]": ID | {"nargs": "?", "default": ""},
     "key": {"metavar": "NAME", "help": "of the new paper: small letters, digits, underscores"},
     "file": {"metavar": "FILE", "help": "a product of tbdcore, wherever it is now"},
-    "--out": {"metavar": "DIR", "help": "folder for the products, not figures/ or build/sweep"},
+    "--out": {"metavar": "DIR", "help": "folder for the products, instead of figures/ or build/"},
     "-p": TEXTS | {"metavar": "name=value", "help": "a parameter; tbdcore list PAPER shows all"},
     "--quick": FLAG | {"help": "few trials, into build/; never touches figures/"},
     "--workers": {"type": int, "metavar": "N", "help": "processes, 0 for one per core"},
@@ -44,7 +45,7 @@ OPTIONS = {
     "--markdown": FORM | {"const": "markdown", "help": "for Markdown"},
     "--debug": FLAG | {"default": argparse.SUPPRESS, "help": "show the traceback of an error"},
 }
-CITING = "id --figures --bibtex|--caption|--latex|--markdown"
+CITING = "[id] --figures --bibtex|--caption|--latex|--markdown"
 RUNNING = "--out -p --quick --workers --scheduler --resume --json"
 COMMANDS = {  # what it does, its options; of a|b at most one
     "run": ("execute notebooks; all if none is named", f"papers {RUNNING} --in-place"),
@@ -52,6 +53,7 @@ COMMANDS = {  # what it does, its options; of a|b at most one
     "score": ("write the scorecard of all papers", "--figures --check"),
     "cite": ("caption, files and BibTeX of a product; without an id all ids", CITING),
     "which": ("what a file is, what made it, what has changed since", "file --figures"),
+    "show": ("caption, data and verdicts of a figure or table", "id --figures"),
     "list": ("the papers; of one paper its parameters and products", "[paper] --figures"),
     "new": ("begin a chapter with the example of docs/add_a_paper.md", "key"),
     "doctor": ("whether this machine can run it all, with a self-test", ""),
@@ -62,6 +64,7 @@ EXAMPLES = {
     "score": ["", "--check", "--figures build/run"],
     "cite": ["", "track_cfar", "track_cfar/fig05 --latex", "dp_tbd --bibtex"],
     "which": ["report/picture.pdf", "figures/track_cfar/fig05.csv"],
+    "show": ["track_cfar/fig05"],
     "list": ["", "track_cfar"],
     "new": ["square_law"],
     "doctor": [""],

@@ -52,8 +52,8 @@ def sweep_command(arguments):
     _find_clusters(runs.values(), arguments)
     folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / paper
     status, done = GOOD, {}
-    for value, values in runs.items():
-        arguments.say(f"{name} = {value}")
+    for number, (value, values) in enumerate(runs.items(), start=1):
+        arguments.say(f"{name} = {value} ({number} of {len(runs)})")
         place = folder / f"{name}={value}"
         result = _run(paper, values | {"out": str(place)}, place, arguments)
         if result.status == GOOD:
@@ -107,25 +107,35 @@ def _values(paper, arguments, *more):
         values = {name: one.quick for name, one in known.items() if one.quick is not None}
         values["out"] = str(paths.BUILD / "quick")
     given = {name: getattr(arguments, name) for name in pages.EXECUTION}
-    values |= {name: value for name, value in given.items() if value is not None}
+    given = {name: value for name, value in given.items() if value is not None}
     for text in (*arguments.p, *more):
         name, equals, value = text.partition("=")
         if not equals:
             raise ValueError(f"-p {text}: write -p name=value")
-        kind = known[name].type if name in known else "str"
-        if kind == "list" and not value.startswith("["):
-            value = f"[{value}]"
-        values[name] = value
-        if kind != "str":  # what is no literal stays text, of the wrong type, as validate will say
-            with contextlib.suppress(ValueError, SyntaxError, MemoryError, RecursionError):
-                literal = value.capitalize() if kind == "bool" else value
-                values[name] = ast.literal_eval(literal)
-    values = pages.validate(paper, values)
+        if name in given:
+            raise ValueError(f"parameter {name} is given twice; give it once")
+        given[name] = _literal(value, known[name].type if name in known else "str")
+    values = pages.validate(paper, values | given)
     if pages.changed(paper, values) and not values.get("out"):
         values["out"] = str(paths.BUILD / "run")
     paths.BUILD.mkdir(exist_ok=True)
     folder = pages.destination(paper, values)
     return values | {"out": str(folder)} if values.get("out") else values
+
+
+def _literal(text, kind):
+    """The value that a text on the command line stands for; what is no literal stays text, of the
+    wrong type for all but a str, as `pages.validate` will say.
+    """
+    if kind == "str":
+        return text
+    if text.lstrip("+-").lower() in ("nan", "inf"):
+        return float(text)
+    text = f"[{text}]" if kind == "list" and not text.startswith("[") else text
+    text = text.capitalize() if kind == "bool" else text
+    with contextlib.suppress(ValueError, SyntaxError, MemoryError, RecursionError):
+        return ast.literal_eval(text)
+    return text
 
 
 def _find_clusters(jobs, arguments):
@@ -148,6 +158,8 @@ def score_command(arguments):
         raise CheckFailed(error) from None
     files = scorecard.files(folder, readme=not arguments.figures)
     changes = scorecard.changes(folder)
+    if not arguments.check:
+        paths.require_writable(*{path.parent for path in files})
     stale = [path.name for path in files if not path.is_file() or path.read_bytes() != files[path]]
     print(files[folder / "scorecard.md"].decode(), end="")
     if arguments.check and stale:
@@ -163,13 +175,11 @@ def score_command(arguments):
 def cite_command(arguments):
     """What a report needs of a figure or table; the ids of a paper's, or of all."""
     id, form = arguments.id, arguments.form
-    word, slash, name = id.rpartition("/")
+    _, slash, name = id.rpartition("/")
     if named := [known for known in cite.ids() if known.endswith(f"/{id}")]:
         raise ValueError(f"{id}: give one of {', '.join(named)}")
     if slash and not name.endswith(".ipynb"):
-        with contextlib.suppress(ValueError):  # cite names the nearest id
-            word = pages.paper_of(word)
-        print(cite.text(f"{word}/{name}", form), end="")
+        print(cite.text(_id(id), form), end="")
         return GOOD
     paper = pages.paper_of(id) if id else ""
     if form and form != "bibtex":
@@ -178,6 +188,23 @@ def cite_command(arguments):
     every = [paper] if paper else pages.notebooks()
     print(cite.entries(paper) if form else _captions(every), end="")
     return GOOD
+
+
+def show_command(arguments):
+    """Caption, data and verdicts of a figure or table."""
+    if "/" not in arguments.id:
+        advice = "give the id of a figure or table, as tbdcore cite lists them"
+        raise ValueError(f"show {arguments.id}: {advice}")
+    print(cite.shown(_id(arguments.id)), end="")
+    return GOOD
+
+
+def _id(text):
+    """The id of a product, whose paper may be named by its number; `cite` names the nearest."""
+    word, slash, name = text.rpartition("/")
+    with contextlib.suppress(ValueError):
+        word = pages.paper_of(word)
+    return f"{word}{slash}{name}"
 
 
 def _captions(papers):

@@ -55,6 +55,7 @@ def _cell(kind, tag, text):
 def create(paper):
     """Write the files of a new chapter; returns them."""
     made = files(paper)
+    paths.require_writable(*{path.parent for path in made})
     for path, text in made.items():
         products.write(path.parent, {path.name: text.encode()})
     return list(made)

@@ -118,8 +118,9 @@ def paper_of(word, known=None):
         names |= dict.fromkeys((paper, stem, stem[:2], stem[:2].lstrip("0") or "0"), paper)
     if (name := Path(word).name.removesuffix(".ipynb")) in names:
         return names[name]
-    near = f"the nearest is {nearest(word, known)!r} of {', '.join(known)}"
-    raise ValueError(f"paper {word!r}: there is no such notebook; {near}")
+    near = nearest(name, [it for it in names if len(it) > 1], cutoff=0.6)
+    near = f"the nearest is {near!r} of " if near else "there are "
+    raise ValueError(f"paper {word!r}: there is no such notebook; {near}{', '.join(known)}")
 
 
 def path(paper):

@@ -53,3 +53,10 @@ def writable(folder):
     """Whether files can be made in a folder, or in the one that it would be made in."""
     made = next(each for each in (folder, *folder.parents) if each.exists())
     return made.is_dir() and os.access(made, os.W_OK | os.X_OK)
+
+
+def require_writable(*folders):
+    """Raise OSError, naming the first of some folders in which no files can be made."""
+    for folder in sorted(folders):
+        if not writable(folder):
+            raise OSError(f"{folder} cannot be written; work in a clone of your own")

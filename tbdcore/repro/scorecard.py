@@ -31,7 +31,7 @@ def files(folder, readme):
     unsteady["all"] = unsteady.sum()
     counts[UNSTEADY] = unsteady.reindex(counts.index, fill_value=0)
     texts = {folder / "scorecard.md": products.markdown(counts.reset_index())}
-    texts |= {folder / "figures.bib": cite.bibliography(), folder / "README.md": cite.gallery()}
+    texts |= {folder / "figures.bib": cite.bibliography(), folder / "README.md": cite.listing()}
     if readme:
         texts |= _readmes(every, folder)
     made = {path: text.encode() for path, text in texts.items()}

@@ -229,16 +229,13 @@ def test_repository_entry_is_that_of_the_citation_file():
     assert fields["version"] in paths.CITATION.read_text(encoding="utf-8")
 
 
-def test_score_writes_bibliography_and_gallery(execute, tmp_path):
+def test_score_writes_bibliography_and_listing(execute, tmp_path):
     assert cli.main(["score", "--figures", str(tmp_path / "figures")]) == 0
     assert set(bibtex((tmp_path / "figures" / "figures.bib").read_text())) == {"tiny", "tbdcore"}
     page = (tmp_path / "figures" / "README.md").read_text()
-    assert page.index("### tiny/fig1") < page.index("### tiny/table1")
-    assert re.search(
-        r"- `mean` mean of the draws: published 0.0, measured -?0\.\d+ ± 0\.0\d+, "
-        r"\*\*reproduced\*\*\n",
-        page,
-    )
+    figure = "- [tiny/fig1](tiny/fig1.png): Nine draws, 100 % of them.\n"
+    table = "- [tiny/table1](tiny/table1.md): Three draws.\n"
+    assert f"\n{figure}{table}" in page
     links = re.findall(r"\]\(([^)]+)\)", page)
     assert "../notebooks/01_tiny.ipynb" in links
     assert all((tmp_path / "figures" / link).is_file() for link in links)
@@ -256,8 +253,8 @@ def test_the_index_has_products_but_no_paper(execute, capsys, tmp_path):
     assert set(bibtex(tbdcore(capsys, "cite", "index/fig1", "--bibtex")[1])) == {"tbdcore"}
     assert "Computed with~" in tbdcore(capsys, "cite", "index/fig1", "--latex")[1]
     assert tbdcore(capsys, "which", str(new / "fig1.pdf"))[1].startswith("index/fig1\n")
-    page = cite.gallery()
-    assert page.index("### tiny/fig1") < page.index("## All papers") < page.index("### index/fig1")
+    page = cite.listing()
+    assert page.index("[tiny/fig1]") < page.index("## All papers") < page.index("[index/fig1]")
 
 
 @pytest.mark.parametrize(
@@ -375,12 +372,12 @@ def test_a_retired_id_is_answered_in_one_line(execute, capsys, tmp_path, instead
     code, out, err = tbdcore(capsys, "cite", "tiny/fig1")
     assert (code, out, err) == (2, "", f"tbdcore: {line}\n")
     assert tbdcore(capsys, "which", str(kept)) == (1, f"{line}\n", "")
-    assert f"## Retired\n\n### tiny/fig1\n\n{line}.\n" in cite.gallery()
+    assert f"## Retired\n\n- {line}.\n" in cite.listing()
 
 
-def test_without_retired_ids_the_gallery_has_no_list_of_them(execute, tmp_path):
+def test_without_retired_ids_the_listing_has_none_of_them(execute, tmp_path):
     (tmp_path / "figures" / "retired.csv").write_text(RETIRED)
-    assert "Retired" not in cite.gallery()
+    assert "Retired" not in cite.listing()
 
 
 @pytest.mark.parametrize(

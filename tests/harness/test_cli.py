@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import shutil
 import subprocess
 import sys
 
@@ -56,13 +57,24 @@ USAGE = {
     "fraction of a seed": (["run", "tiny", "-p", "seed=0.5"], "0.5 is float; give int"),
     "seed of no record": (["run", "tiny", "-p", f"seed={2**63}"], "is out of range"),
     "more than can end": (["run", "tiny", "-p", "n_trials=1e99"], "is out of range"),
-    "infinitely many": (["run", "tiny", "-p", "n_trials=inf"], "'inf' is str; give int"),
+    "infinitely many": (["run", "tiny", "-p", "n_trials=inf"], "inf is float; give int"),
     "too many to write": (["run", "tiny", "-p", "n_trials=1e400"], "inf is float; give int"),
     "a very long integer": (["run", "tiny", "-p", f"n_trials={'9' * 4000}"], "out of range"),
     "an endless integer": (["run", "tiny", "-p", f"n_trials={'9' * 5000}"], "is str; give int"),
     "a very long float": (["run", "tiny", "-p", f"shift={'9' * 400}"], "is int; give float"),
     "infinite": (["run", "tiny", "-p", "shift=-1e400"], "-inf is out of range"),
-    "no number": (["run", "tiny", "-p", "shift=nan"], "'nan' is str; give float"),
+    "no number": (["run", "tiny", "-p", "shift=nan"], "nan is out of range"),
+    "a parameter twice": (
+        ["run", "tiny", "-p", "shift=1", "-p", "shift=2"],
+        "parameter shift is given twice",
+    ),
+    "a parameter and its option": (["run", "tiny", "--workers=1", "-p", "workers=1"], "twice"),
+    "swept and set": (["sweep", "tiny", "shift=1,2", "-p", "shift=3"], "twice"),
+    "show without an id": (["show", "tiny"], "give the id"),
+    "show of no product": (["show", "tiny/fig1"], "no such figure or table"),
+    "a number of no notebook": (["run", "07"], "there are tiny"),
+    "nothing like a notebook": (["run", "docs/"], "there are tiny"),
+    "nearly a number": (["run", "01x"], "the nearest is '01'"),
     "code for a value": (
         ["run", "tiny", "-p", "n_trials=__import__('os').getpid()"],
         "is str; give int",
@@ -215,7 +227,9 @@ def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeyp
     assert "papermill is missing; this needs the extra repro" in said(capsys, 3, "run")
 
 
-@pytest.mark.parametrize("command", ["run", "sweep", "score", "cite", "which", "list", "doctor"])
+@pytest.mark.parametrize(
+    "command", ["run", "sweep", "score", "cite", "show", "which", "list", "doctor"]
+)
 def test_help_has_examples_that_are_understood(capsys, command):
     with pytest.raises(SystemExit) as caught:
         cli.main([command, "--help"])
@@ -372,6 +386,51 @@ def test_cite_lists_ids_with_captions(inside, capsys):
         assert out == "tiny/fig1\n  Nine draws, 100 % of them.\ntiny/table1\n  Three draws.\n"
     assert cli.main(["cite", "tiny", "--bibtex"]) == 0
     assert "@misc{tiny," in capsys.readouterr().out
+
+
+def test_show_has_caption_data_and_verdicts(inside, capsys):
+    for word in ("tiny/fig1", "1/fig1"):
+        assert cli.main(["show", word]) == 0
+        out = capsys.readouterr().out
+        assert out.startswith("tiny/fig1\n  Nine draws, 100 % of them.\n")
+        assert "figures/tiny/fig1.csv, 9 rows\n" in out
+        (verdict,) = out.partition("\nverdicts\n")[2].splitlines()
+        assert verdict.startswith("  mean mean of the draws: published 0.0, measured ")
+        assert verdict.endswith(", reproduced")
+    table = inside / "figures" / "tiny" / "fig1.csv"
+    table.write_text("")
+    assert "fig1.csv: no table" in said(capsys, 2, "show", "tiny/fig1")
+    table.write_text("x\n" + "1\n" * 1000)
+    assert cli.main(["show", "tiny/fig1"]) == 0
+    out = capsys.readouterr().out
+    assert "fig1.csv, 1000 rows" in out
+    assert out.count("\n") < 60
+
+
+@pytest.mark.parametrize("words", [["score"], ["new", "square_law"]])
+def test_a_clone_that_cannot_be_written_is_said_in_one_line(repository, capsys, monkeypatch, words):
+    enter(repository, VERDICTS)
+    (repository / "docs").mkdir()
+    shutil.copy(tiny.ROOT / "docs" / "add_a_paper.md", repository / "docs")
+    before = {file: file.read_bytes() for file in repository.rglob("*") if file.is_file()}
+    monkeypatch.setattr(paths, "writable", lambda folder: False)
+    assert "cannot be written; work in a clone of your own" in said(capsys, 3, *words)
+    assert before == {file: file.read_bytes() for file in repository.rglob("*") if file.is_file()}
+
+
+def test_a_sweep_says_how_far_it_is(repository, capsys, monkeypatch):
+    monkeypatch.setattr(batch, "run", lambda *_, **__: DONE)
+    monkeypatch.setattr(batch, "tabulate", lambda *_: None)
+    assert cli.main(["sweep", "tiny", "shift=1,2,3"]) == 0
+    assert "shift = 2 (2 of 3)\n" in capsys.readouterr().out
+
+
+def test_a_run_that_is_too_small_for_verdicts_prints_no_counts(inside):
+    assert batch.counts("tiny", paths.figures(), {})[1].startswith("2 measured (")
+    assert batch.counts("tiny", paths.figures(), {"n_trials": 40}) == (
+        {},
+        "verdicts void: n_trials 40 of 400",
+    )
 
 
 def test_products_are_read_in_another_folder(inside, capsys):

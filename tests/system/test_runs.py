@@ -32,7 +32,7 @@ def test_quick_never_touches_the_figures(folder):
     made = tiny.products(folder)
     quick = tiny.run(folder, "run", "--quick", "--resume")
     assert quick.returncode == 0, quick.stderr
-    assert "; verdicts void: n_trials 40 of 400\n" in quick.stdout
+    assert "verdicts void: n_trials 40 of 400\n" in quick.stdout
     assert tiny.products(folder) == made
     about = json.loads((folder / "build" / "quick" / "tiny" / "fig1.json").read_text())
     assert about["trials"] == 40
