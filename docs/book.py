@@ -23,7 +23,7 @@ from itables import javascript, options
 from PIL import Image
 
 import tbdcore
-from tbdcore.repro import cite, claims, clone, pages, paths, products, scorecard
+from tbdcore.repro import changes, cite, claims, clone, pages, paths, products, scorecard
 
 FOLDERS = ("benchmarks", "data", "docs", "figures", "notebooks", "tests")
 FILES = ("README.md", "README.zh.md", "CHANGELOG.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff")
@@ -95,6 +95,7 @@ class Chapter:
         self.paper, self.file = paper, pages.path(paper)
         self.notebook = json.loads(self.file.read_text(encoding="utf-8"))
         self.claims = claims.read(paper) if paper in claims.papers() else {}
+        self.changes = {id: it for (own, id), it in changes.changes().items() if own == paper}
         self.section, self.patterns, number = [], [], ""
         for i, cell in enumerate(self.notebook["cells"]):
             source = "".join(cell["source"])
@@ -227,6 +228,8 @@ def claim_row(chapter, row, figures):
     about, word = chapter.claims[row.id], row.evidence.partition(" ")
     more = {name: getattr(about, name) for name in ("conditions", "where", "rule")}
     more |= {"repeats": word[2], "readings": row.readings, "cause": row.cause}
+    if it := chapter.changes.get(row.id):
+        more["changed"] = f"first {it.first}: {it.why}"
     more |= {"seeds": f"{row.seeds:.0%} give this verdict"} if row.seeds == row.seeds else {}
     more |= {"seeds together": row.together} if isinstance(row.together, str) else {}
     more = "<br>".join(f"<b>{name}</b> {html.escape(text)}" for name, text in more.items() if text)

@@ -5,6 +5,8 @@ Each copy is a folder of its own: nothing that happens there can touch the real 
 or build folder.
 """
 
+import csv
+import io
 import json
 import os
 import shutil
@@ -12,7 +14,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tbdcore.repro import paths
+from tbdcore.repro import changes, claims, paths
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = paths.PACKAGE  # the one that is imported, which may be a copy itself
@@ -120,11 +122,19 @@ def write(folder):
     (folder / "data" / "claims").mkdir(parents=True)
     (folder / "notebooks").mkdir()
     (folder / "data" / "claims" / "tiny.csv").write_text(CLAIMS, encoding="utf-8")
+    (folder / "data" / "claims" / "declared.csv").write_text(declared(CLAIMS), encoding="utf-8")
     (folder / "data" / "papers.toml").write_text(PAPERS, encoding="utf-8")
     (folder / "notebooks" / "01_tiny.ipynb").write_text(notebook(CELLS), encoding="utf-8")
     for name in ("CITATION.cff", "environment.txt", "pyproject.toml"):
         shutil.copy(ROOT / name, folder / name)
     (folder / "README.md").write_text("<!-- scorecard -->\n<!-- /scorecard -->\n", encoding="utf-8")
+
+
+def declared(text):
+    """The declarations of the rules and printed values of a claims file `tiny`."""
+    rows = [claims.Claim(*row) for row in list(csv.reader(io.StringIO(text)))[1:]]
+    lines = [f"tiny,{row.id},{claims.rule_digest(row.rule)},{row.value}\n" for row in rows]
+    return f"{','.join(changes.Declared._fields)}\n{''.join(lines)}"
 
 
 def here(folder, monkeypatch):

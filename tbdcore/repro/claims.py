@@ -26,7 +26,7 @@ The *rule* of a row says what is measured on which trials, and gives the numbers
 ``; name = number``: ``runs``, the paper's number of runs; ``null``, the value of "no effect";
 ``step``, the smallest difference the print could show where its digits do not say; ``half``, the
 half digit of a printed bound without a number; others are a page's.  Rules were declared before
-measuring; ``data/claims/CHANGES.md`` lists those that changed.
+measuring; ``data/claims/changes.csv`` lists those that changed (``changes``).
 """
 
 import csv
@@ -130,7 +130,9 @@ class Verdict(NamedTuple):
 
 def papers(folder=None):
     """Names of the papers that have a claims file."""
-    return sorted({path.stem for path in (folder or paths.CLAIMS).glob("*.csv")} - {"declared"})
+    return sorted(
+        {path.stem for path in (folder or paths.CLAIMS).glob("*.csv")} - {"declared", "changes"}
+    )
 
 
 def read(paper, folder=None):
@@ -266,7 +268,7 @@ def numbers(rule):
 
 
 def rule_digest(rule):
-    """Short hash of a rule, as declared.csv and CHANGES.md have it."""
+    """Short hash of a rule, as declared.csv and changes.csv have it."""
     return hashlib.sha256(rule.encode()).hexdigest()[:8]
 
 

@@ -9,7 +9,7 @@ import textwrap
 from functools import partial
 from pathlib import Path
 
-from tbdcore.repro import batch, cite, claims, new, pages, paths, products, trials
+from tbdcore.repro import batch, changes, cite, claims, new, pages, paths, products, trials
 from tbdcore.repro.cli import ENVIRONMENT, FAILED, GOOD, INTERRUPTED, CheckFailed, report
 
 
@@ -153,11 +153,11 @@ def score_command(arguments):
     for paper in claims.papers():
         claims.read(paper)
     try:
-        claims.ledger(folder)
+        every = claims.ledger(folder)
     except (ValueError, FileNotFoundError) as error:
         raise CheckFailed(error) from None
     files = scorecard.files(folder, readme=not arguments.figures)
-    changes = scorecard.changes(folder)
+    changed = scorecard.changes(folder)
     if not arguments.check:
         paths.require_writable(*{path.parent for path in files})
     stale = [path.name for path in files if not path.is_file() or path.read_bytes() != files[path]]
@@ -166,9 +166,11 @@ def score_command(arguments):
         raise CheckFailed(f"{', '.join(stale)}: not what the verdicts say; run: tbdcore score")
     for path, content in files.items():
         products.write(path.parent, {path.name: content})
-    if changes:
-        count = f"{len(changes)} verdicts are not those of the last scorecard"
-        raise CheckFailed(f"{count}: {'; '.join(changes)}")
+    if changed:
+        count = f"{len(changed)} verdicts are not those of the last scorecard"
+        raise CheckFailed(f"{count}: {'; '.join(changed)}")
+    if unlisted := changes.complaints(None if arguments.figures else every):
+        raise CheckFailed("; ".join(unlisted))
     return GOOD
 
 

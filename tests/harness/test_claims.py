@@ -2,15 +2,12 @@
 complete or fails.
 """
 
-import csv
 import dataclasses
 import math
-import re
 import shutil
 
 import numpy as np
 import pytest
-import tiny
 from scipy import stats
 
 from tbdcore.repro import claims, paths
@@ -647,91 +644,6 @@ def test_the_committed_claims_can_be_read(paper):
     rows = claims.read(paper)
     assert len(rows) > 0
     assert all(row.where for row in rows.values()), "every claim says where it stands in the paper"
-
-
-# Rules ---------------------------------------------------------------------------------------
-
-
-_ENTRY = re.compile(
-    r"^## (?P<paper>\w+) (?P<id>\S+)$"
-    r".*?^- was \((?P<old>\w{8})\): (?P<was>.*?)$.*?^- is \((?P<new>\w{8})\): (?P<is>.*?)$",
-    re.MULTILINE | re.DOTALL,
-)
-
-
-def history():
-    """Replay data/claims/CHANGES.md; returns complaints, one line each, empty if all is listed.
-
-    ``declared.csv`` beside it has the digest of each rule as it was first declared.  Each entry
-    leads from one digest to the next, and the last one is that of the present rule.
-    """
-    text = paths.CLAIMS.joinpath("CHANGES.md").read_text(encoding="utf-8")
-    lines = paths.CLAIMS.joinpath("declared.csv").read_text(encoding="utf-8").splitlines()
-    now = {(paper, id): declared for paper, id, declared in csv.reader(lines[1:])}
-    wrong = []
-    for entry in _ENTRY.finditer(text):
-        key, old, new = entry.group("paper", "id"), entry["old"], entry["new"]
-        where = f"CHANGES.md, {' '.join(key)}"
-        if claims.rule_digest(entry["was"]) != old or claims.rule_digest(entry["is"]) != new:
-            wrong.append(f"{where}: a digest is not that of its rule")
-        if now.get(key, "") != old:
-            wrong.append(f"{where}: the rule before it was {now.get(key)}")
-        now[key] = new
-    for paper in claims.papers():
-        for number, claim in enumerate(claims.read(paper).values(), start=2):
-            declared = now.pop((paper, claim.id), claims.rule_digest(""))
-            if declared != claims.rule_digest(claim.rule):
-                said = (
-                    f"changed without an entry in CHANGES.md (now {claims.rule_digest(claim.rule)})"
-                )
-                wrong.append(
-                    str(claims.fault(f"{paper}.csv", number, "rule", f"{claim.id}: {said}"))
-                )
-    return wrong + [f"declared.csv: {' '.join(key)} is no row" for key in now]
-
-
-def test_every_changed_rule_is_listed():
-    assert history() == []
-
-
-def changed(repository, rule, entries=""):
-    """Complaints about a repository whose rule of `mean` is changed, with entries in its list."""
-    file = paths.CLAIMS / "tiny.csv"
-    file.write_text(tiny.CLAIMS)
-    first = claims.read("tiny")["mean"].rule
-    digests = {id: claims.rule_digest(row.rule) for id, row in claims.read("tiny").items()}
-    lines = ["paper,id,digest", *(f"tiny,{id},{digest}" for id, digest in digests.items()), ""]
-    (paths.CLAIMS / "declared.csv").write_text("\n".join(lines))
-    (paths.CLAIMS / "CHANGES.md").write_text(f"# Changes\n\n{entries}")
-    file.write_text(file.read_text().replace(first, rule))
-    return history()
-
-
-def entry(old, new):
-    lines = [f"- was ({claims.rule_digest(old)}): {old}", "- gave: reproduced"]
-    lines += [f"- is ({claims.rule_digest(new)}): {new}", "- gives: differs"]
-    return "\n".join(["## tiny mean", "", *lines, ""])
-
-
-def test_a_rule_that_changed_without_an_entry_is_found(repository):
-    first, second = claims.read("tiny")["mean"].rule, "Median of all draws"
-    (wrong,) = changed(repository, second)
-    assert "tiny.csv, row 2, column rule: mean: changed without an entry" in wrong
-    assert claims.rule_digest(second) in wrong
-    assert changed(repository, second, entry(first, second)) == []
-
-
-def test_a_chain_of_changes_is_replayed(repository):
-    first, second, third = claims.read("tiny")["mean"].rule, "Median", "Mode of all draws"
-    both = entry(first, second) + "\n" + entry(second, third)
-    assert changed(repository, third, both) == []
-
-
-def test_a_broken_chain_is_found(repository):
-    first, third = claims.read("tiny")["mean"].rule, "Mode of all draws"
-    assert any("the rule before it was" in w for w in changed(repository, third, entry("x", third)))
-    forged = entry(first, third).replace(claims.rule_digest(third), "00000000")
-    assert any("a digest is not that" in w for w in changed(repository, third, forged))
 
 
 # Readings ------------------------------------------------------------------------------------
