@@ -6,7 +6,7 @@ interrupted leaves the old products as they were.
 
 import contextlib
 
-from tbdcore.repro import claims, figures, pages, products, screen, trials
+from tbdcore.repro import claims, figures, pages, paths, products, screen, trials
 
 SUFFIXES = (*figures.CANVASES, "gif", "csv", "md", "tex", "json")  # of the files of a product
 
@@ -37,7 +37,7 @@ class Run(figures.Portfolio):
     def publish(self, ledger=None):
         """Write all products and verdicts.csv; nothing, and ValueError, if a claim has no verdict.
 
-        RuntimeError after a default run whose first screen shows other things than it has written.
+        The first screen then shows what a default run has written.
         """
         table = [] if ledger is None else ledger.table()
         verdicts = {} if ledger is None else {"verdicts.csv": products.csv(table)}
@@ -54,5 +54,6 @@ class Run(figures.Portfolio):
         products.write(folder, files, old=[file for file in earlier if file.name not in files])
         judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
         print(f"{self.paper}: {judged}; {len(files)} files")
-        if self.provenance.get("remake") == f"tbdcore run {self.paper}":  # the default run
-            screen.check(self.paper, self.folder)
+        default = self.provenance.get("remake") == f"tbdcore run {self.paper}"
+        if default and self.folder == paths.PRODUCTS.resolve():
+            screen.refresh(self.paper)

@@ -1,41 +1,25 @@
 """What a page shows a reader: the first screen, figures with captions, published beside measured.
 
 The first screen is made of the committed products, so that a reader sees what came out before the
-page has run.  A default run compares it with its own results when it publishes (``check``).
+page has run.  A default run shows it anew when it has published (``refresh``).
 """
 
+import ast
 import math
 import re
-from functools import partial
+import sys
 from numbers import Real
 
 import pandas as pd
 
-from tbdcore.repro import claims, paths, products
+from tbdcore.repro import claims, pages, paths, products
 
 ADVICE = ["do", "when", "instead_of", "knows", "gain", "se"]
 ADVICE += ["tested_from", "tested_to", "breaks_at", "figure"]
 BREAKS = ["condition", "promised", "delivered as stored", "delivered after recording", "breaks_at"]
 TABLES = {"advice": (ADVICE, 3, 5), "breaks": (BREAKS, 5, 20)}  # columns, least and most rows
 WORDS = ("do", "when", "instead_of", "knows", "figure", "condition")  # columns of text
-_SHOWN = {}  # (paper, part): how a part of a first screen is made from a folder, as it was shown
-
-
-class Exhibit:
-    """A figure on a page: the picture, with its caption as alternative text, and the caption."""
-
-    def __init__(self, id, caption, png):
-        self.id, self.caption, self.png = id, caption, png
-
-    def __repr__(self):
-        return f"{self.id}: {self.caption}"
-
-    def _ipython_display_(self):
-        from IPython.display import Markdown, display
-
-        alt = {"image/png": {"alt": self.caption}}
-        display({"image/png": self.png, "text/plain": f"<{self.id}>"}, raw=True, metadata=alt)
-        display(Markdown(f"*{self.id}.* {self.caption}"))
+PARTS = ("screen.outcome", "screen.advice", "screen.exhibit")  # calls that show products
 
 
 class Table(str):
@@ -45,6 +29,63 @@ class Table(str):
         return str(self)
 
     __repr__ = _repr_markdown_
+
+
+class Exhibit:
+    """A figure on a page: the picture, with its caption as alternative text, and the caption.
+
+    `place` names its outputs where they may be shown anew.
+    """
+
+    def __init__(self, id, caption, png, place=""):
+        self.id, self.caption, self.png, self.place = id, caption, png, place
+
+    def __repr__(self):
+        return f"{self.id}: {self.caption}"
+
+    def show(self, update=False):
+        """Show it, or put it in the place of what was shown there before."""
+        picture = {"image/png": self.png} if self.png else {"text/markdown": ""}
+        alt = {"image/png": {"alt": self.caption}} if self.png else {}
+        text = f"*{self.id}.* {self.caption}"
+        _show(picture | {"text/plain": f"<{self.id}>"}, self.place, update, alt)
+        _show({"text/markdown": text}, self.place and f"{self.place} caption", update)
+
+    _ipython_display_ = show
+
+
+class Part(Table):
+    """A table made of the committed products, in a named place, where it may be shown anew."""
+
+    def __new__(cls, text, place):
+        part = super().__new__(cls, text)
+        part.place = place
+        return part
+
+    def show(self, update=False):
+        """Show it, or put it in the place of what was shown there before."""
+        _show({"text/markdown": str(self)}, self.place, update)
+
+    _ipython_display_ = show
+
+
+def _show(data, place, update, metadata=None):
+    """Show data by their types, or put them into a place where others were shown."""
+    from IPython.display import display
+
+    data = {"text/plain": data.get("text/markdown", "")} | data
+    display(data, raw=True, metadata=metadata, display_id=place or None, update=update)
+
+
+def refresh(paper):
+    """Show the first screen of a page, and the other products that it exhibits, as they are now:
+    the page's calls are made again, and what they return takes the place of what was shown.
+    """
+    for cell in pages.cells(paper):
+        nodes = ast.walk(ast.parse(cell)) if "screen." in cell else ()
+        for call in (ast.unparse(node) for node in nodes if isinstance(node, ast.Call)):
+            if call.startswith(PARTS):
+                eval(call, {"screen": sys.modules[__name__]}).show(update=True)
 
 
 def outcome(paper, rows):
@@ -71,7 +112,7 @@ def outcome(paper, rows):
         known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
         return f"{head}{''.join(lines)}\n*Default run{known}; ± one standard error.*\n"
 
-    return Table(_show(paper, "outcome", table))
+    return Part(table(paths.PRODUCTS), f"{paper} outcome")
 
 
 def advice(paper):
@@ -83,18 +124,18 @@ def advice(paper):
         caption = _table(f"{paper}/advice", folder)[1] or "Not yet run."
         return f"{products.markdown(rows[['do', 'when', 'instead of', 'gain']])}\n*{caption}*\n"
 
-    return Table(_show(paper, "advice", table))
+    return Part(table(paths.PRODUCTS), f"{paper} advice")
 
 
 def exhibit(id):
     """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
-    text, caption = _show(id.partition("/")[0], id, partial(_table, id))
+    text, caption = _table(id, paths.PRODUCTS)
     file = paths.PRODUCTS / f"{id}.png"
     if text:
-        return Table(f"{text.partition('-->')[2].strip()}\n\n*{caption}*")
+        return Part(f"{text.partition('-->')[2].strip()}\n\n*{caption}*", id)
     if not file.is_file():
-        return Table(f"*{id}: not yet run.*")
-    return Exhibit(id, caption, file.read_bytes())
+        return Exhibit(id, "Not yet run.", b"", id)
+    return Exhibit(id, caption, file.read_bytes(), id)
 
 
 def _table(id, folder):
@@ -102,19 +143,6 @@ def _table(id, folder):
     about, table = folder / f"{id}.json", folder / f"{id}.md"
     text = table.read_text(encoding="utf-8") if table.is_file() else ""
     return text, products.record(about)["caption"] if about.is_file() else ""
-
-
-def _show(paper, part, make):
-    """A part of a first screen, made from the committed products and kept for `check`."""
-    shown = make(paths.PRODUCTS)
-    _SHOWN[paper, part] = make, shown
-    return shown
-
-
-def check(paper, folder):
-    """Raise RuntimeError when the first screen showed other things than those in a folder."""
-    if any(shown != make(folder) for (one, _), (make, shown) in _SHOWN.items() if one == paper):
-        raise RuntimeError(f"{paper}: first screen is stale; run again")
 
 
 def with_error(measured, se):

@@ -1,5 +1,6 @@
 """Whole runs of a small notebook: what they leave, say and never touch."""
 
+import base64
 import csv
 import json
 import re
@@ -193,25 +194,63 @@ def test_plain_papermill_refuses_a_misspelt_parameter(repository):
     assert not (repository / "build" / "try" / "tiny").exists()
 
 
-def test_a_default_run_whose_first_screen_is_stale_publishes_and_says_so(tmp_path, monkeypatch):
-    execute = tiny.here(tmp_path, monkeypatch)
-    monkeypatch.setattr(screen, "_SHOWN", {})
-    rows = {"the mean": "mean"}
-    screen.outcome("tiny", rows)
-    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
-        execute()
-    assert (tmp_path / "figures" / "tiny" / "fig1.pdf").is_file()
-    shown = repr(screen.outcome("tiny", rows))
-    assert re.search(r"\| the mean \| 0\.0 \| -?0\.\d+ ± 0\.0\d+ \| reproduced \|", shown)
-    assert "seed 20, 400 trials" in shown
-    execute()  # which now agrees
-    assert screen.exhibit("tiny/fig1").caption == "Nine draws, 100 % of them."
-    record = tmp_path / "figures" / "tiny" / "fig1.json"
-    record.write_text(record.read_text().replace("Nine draws", "Ten draws"))
-    assert screen.exhibit("tiny/fig1").caption == "Ten draws, 100 % of them."
-    with pytest.raises(RuntimeError, match="tiny: first screen is stale; run again"):
-        execute()
-    screen.exhibit("tiny/fig1")
-    execute()
+SCREEN = """from tbdcore.repro import screen
+
+screen.outcome("tiny", {"the mean": "mean"})"""
+FIGURE = 'screen.exhibit("tiny/fig1")'
+
+
+def first_screen(folder):
+    """What the committed notebook of a small repository shows above its parameters, as text."""
+    cells = json.loads((folder / "notebooks" / "01_tiny.ipynb").read_text("utf-8"))["cells"]
+    outputs = [output["data"] for cell in cells[:2] for output in cell["outputs"]]
+    texts = ["".join(data.get("text/markdown", "")) for data in outputs]
+    return "\n".join(texts), [data["image/png"] for data in outputs if "image/png" in data]
+
+
+def test_one_default_run_shows_its_own_results_on_the_first_screen(repository):
+    """Before it there are none, and later one has other results."""
+    cells = {"screen": SCREEN, "picture": FIGURE} | tiny.CELLS
+    notebook = repository / "notebooks" / "01_tiny.ipynb"
+    notebook.write_text(tiny.notebook(cells), encoding="utf-8")
+    run = tiny.run(repository, "run", "tiny", "--in-place")
+    assert run.returncode == 0, run.stderr
+    text, (picture,) = first_screen(repository)
+    assert re.search(r"\| the mean \| 0\.0 \| -?0\.\d+ ± 0\.0\d+ \| reproduced \|", text)
+    assert "seed 20, 400 trials" in text
+    assert "*tiny/fig1.* Nine draws, 100 % of them." in text
+    png = (repository / "figures" / "tiny" / "fig1.png").read_bytes()
+    assert base64.b64decode(picture) == png
+    changed = {"seed: int = 20": "seed: int = 21", "Nine draws": "Ten draws"}
+    cells = {name: replaced(cell, changed) for name, cell in cells.items()}
+    notebook.write_text(tiny.notebook(cells), encoding="utf-8")
+    assert tiny.run(repository, "run", "tiny", "--in-place").returncode == 0
+    text, (other,) = first_screen(repository)
+    assert "seed 21, 400 trials" in text
+    assert "*tiny/fig1.* Ten draws, 100 % of them." in text
+    assert picture != other
+    committed = notebook.read_bytes()
+    assert tiny.run(repository, "run", "tiny", "--quick").returncode == 0
+    assert notebook.read_bytes() == committed
+
+
+def test_a_run_into_another_folder_leaves_the_first_screen_as_it_is(repository):
+    cells = {"screen": SCREEN, "picture": FIGURE} | tiny.CELLS
+    notebook = repository / "notebooks" / "01_tiny.ipynb"
+    notebook.write_text(tiny.notebook(cells), encoding="utf-8")
+    assert tiny.run(repository, "run", "tiny", "--out", "elsewhere").returncode == 0
+    executed = (repository / "build" / "01_tiny.ipynb").read_text("utf-8")
+    assert "*Not yet run.*" in executed
+    assert "Default run" not in executed
+
+
+def replaced(text, words):
+    for old, new in words.items():
+        text = text.replace(old, new)
+    return text
+
+
+def test_a_row_of_the_first_screen_needs_its_claim(tmp_path, monkeypatch):
+    tiny.here(tmp_path, monkeypatch)()
     with pytest.raises(ValueError, match="no claim 'men' for the first screen"):
         screen.outcome("tiny", {"the mean": "men"})
