@@ -1,7 +1,8 @@
 """Single claims of a chapter, judged by the cells that they need: the rest is not executed.
 
 ``needed`` finds these cells from the names that each one makes, changes and uses; ``verdicts``
-executes them with other parameters.  What only draws is left out.
+executes them with other parameters, ``definitions`` those that make some names.  What only draws is
+left out.
 """
 
 import ast
@@ -17,6 +18,10 @@ from tbdcore.repro import pages, paths
 CHANGES = ("append", "extend", "add", "update", "setdefault")
 DRAWS = ("portfolio.save(", "portfolio.table(", "screen.outcome(")
 SHOW = "print(__import__('json').dumps({i: ledger.verdicts[i]._asdict() for i in %r}))"
+TABLES = {name: f"portfolio.{name}(" for name in ("methods", "limits")}
+SHOW_TABLES = (
+    "print(__import__('json').dumps({name: portfolio.files[name].decode() for name in %r}))"
+)
 
 
 class Names(NamedTuple):
@@ -66,16 +71,19 @@ def _root(node):
     return getattr(node, "id", None)
 
 
-def needed(cells, ids):
-    """Indices of the code cells that judge the claims, or make what these cells need.
+def needed(cells, ids, made=(), calls=()):
+    """Indices of the code cells that judge the claims, make the names `made` or have the `calls`,
+    and of those that make what these cells need.
 
     A name comes from the last cell before that makes it, and from those between that change it.
     """
     code = {i: cell.source for i, cell in enumerate(cells) if cell.cell_type == "code"}
     every = {i: names(source) for i, source in code.items()}
     draws = {i for i, source in code.items() if any(word in source for word in DRAWS)}
-    wanted = [i for i in code if i not in draws and any(f'"{id}"' in code[i] for id in ids)]
+    words = [*(f'"{id}"' for id in ids), *calls]
+    wanted = [i for i in code if i not in draws and any(word in code[i] for word in words)]
     wanted += [i for i in code if "parameters" in cells[i].metadata.get("tags", ())]
+    wanted += [max(i for i in every if name in every[i].made) for name in made]
     found = set()
     while wanted:
         i = wanted.pop()
@@ -92,9 +100,27 @@ def needed(cells, ids):
 
 def verdicts(paper, ids, **values):
     """The verdicts on some claims of a run with other parameters, as dicts, by claim."""
+    cells = nbformat.read(pages.path(paper), 4).cells
+    return _executed(paper, [cells[i] for i in needed(cells, ids)], SHOW % (list(ids),), values)
+
+
+def tables(paper, **values):
+    """The CSV files of methods and limits of a run with other parameters, as text, by name."""
+    cells = nbformat.read(pages.path(paper), 4).cells
+    source = "".join(cell.source for cell in cells if cell.cell_type == "code")
+    names = [name for name, call in TABLES.items() if call in source]
+    if not names:
+        raise ValueError(f"{paper}: its page calls neither portfolio.methods nor portfolio.limits")
+    found = needed(cells, (), calls=[TABLES[name] for name in names])
+    show = SHOW_TABLES % ([f"{name}.csv" for name in names],)
+    made = _executed(paper, [cells[i] for i in found], show, values)
+    return {name: made[f"{name}.csv"] for name in names}
+
+
+def _executed(paper, cells, show, values):
+    """What a last cell prints as JSON after some cells of a page, with other parameters."""
     notebook = nbformat.read(pages.path(paper), 4)
-    cells = [notebook.cells[i] for i in needed(notebook.cells, ids)]
-    notebook.cells = [*cells, nbformat.v4.new_code_cell(SHOW % (list(ids),))]
+    notebook.cells = [*cells, nbformat.v4.new_code_cell(show)]
     folder = paths.BUILD / "rows" / paper
     folder.mkdir(parents=True, exist_ok=True)
     source, made = folder / pages.path(paper).name, folder / "executed.ipynb"
@@ -103,3 +129,20 @@ def verdicts(paper, ids, **values):
     papermill.execute_notebook(source, made, values, cwd=paths.NOTEBOOKS, progress_bar=False)
     (shown,) = nbformat.read(made, 4).cells[-1].outputs
     return json.loads(shown.text)
+
+
+def sources(paper, made):
+    """Sources of the cells of a page that make some names, with the cells that these need."""
+    cells = nbformat.read(pages.path(paper), 4).cells
+    return [cells[i].source for i in needed(cells, (), made)]
+
+
+def definitions(paper, made):
+    """Some names of a page by name, from the cells that make them, executed at the defaults."""
+    namespace = {"__name__": "__main__"}  # so that workers get its functions by value
+    for source in sources(paper, made):
+        exec(source, namespace)
+    portfolio = namespace.get("portfolio")
+    if portfolio is not None and portfolio.artist:
+        portfolio.artist.shutdown()
+    return {name: namespace[name] for name in made}

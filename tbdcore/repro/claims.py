@@ -31,6 +31,7 @@ measuring; ``data/claims/changes.csv`` lists those that changed (``changes``).
 
 import csv
 import dataclasses
+import functools
 import hashlib
 import io
 import math
@@ -103,6 +104,20 @@ class Option(NamedTuple):
     error: object = 0.0  # standard error of the difference
     se: object = 0.0  # standard error of `measured`
     n: int | None = None  # trials
+
+
+class Flown(NamedTuple):
+    """One row of data/readings_flown.csv, all text: a claim under some options of its readings."""
+
+    paper: str
+    row: str  # id of the claim
+    reading: str  # "default", or "name: option" of each reading that is another, ; between them
+    measured: str
+    error: str
+    n: str  # trials
+    apart: str  # whether its difference from the default is beyond chance, yes or no
+    verdict: str  # one of JUDGED but `depends`
+    digest: str  # of what flew it
 
 
 class Verdict(NamedTuple):
@@ -254,6 +269,61 @@ def readings(paper, folder=None):
     return {row.name: row for row in listed if row.chapter == paper}
 
 
+def flown(paper, folder=None):
+    """What was flown of a paper under its readings: the rows of each claim, by its id.
+
+    From the file beside the folder of the claims, made by ``benchmarks/readings.py``.  ValueError
+    as :func:`records` raises.
+    """
+    known, path = papers(folder), (folder or paths.CLAIMS).parent / "readings_flown.csv"
+
+    @functools.cache
+    def ids_and_readings(name):
+        return (read(name, folder), readings(name, folder)) if name in known else ({}, {})
+
+    def faults(it):
+        ids, listed = ids_and_readings(it.paper)
+        options = sorted(_options(listed, it.row))
+        lost = [each for each in _items(it.reading) if each not in ("default", *options)]
+        return [
+            ("paper", it.paper not in known, f"the nearest paper is {nearest(it.paper, known)!r}"),
+            ("row", it.row not in ids, f"the nearest claim is {nearest(it.row, ids)!r}"),
+            ("reading", lost, f"delete the line; living options are {'; '.join(options)}"),
+            *_empty(it, "reading", "measured", "digest"),
+            ("apart", it.apart not in ("yes", "no"), "write yes or no"),
+            ("verdict", it.verdict not in JUDGED or it.verdict == "depends", "no such verdict"),
+        ]
+
+    found = {}
+    for row in records(path, Flown, faults, lambda it: (it.paper, it.row, it.reading)).values():
+        if row.paper == paper:
+            found.setdefault(row.row, []).append(row)
+    return found
+
+
+def _options(readings, id):
+    """The options that a claim is flown under beside the default, as "name: option"."""
+    return {f"{name}: {it}" for name, others in _living(readings, id).items() for it in others}
+
+
+def _living(readings, id):
+    """The options beside the default that a claim is flown under, by reading."""
+    living = {it.name: it.others() for it in readings.values() if it.touches(id)}
+    return {name: others for name, others in living.items() if others}
+
+
+def apart(options):
+    """Which of some options by key differ from the default beyond chance: by Bonferroni's quantile
+    for all their differences.
+    """
+    points = sum(np.size(it.difference) for it in options.values())
+    return {
+        key
+        for key, it in options.items()
+        if np.any(np.abs(it.difference) > quantile(it.n, points) * np.asarray(it.error))
+    }
+
+
 def _items(text):
     """The parts between semicolons."""
     return [part.strip() for part in text.split(";") if part.strip()]
@@ -383,6 +453,7 @@ class Ledger:
     def __init__(self, paper, strict=True, folder=None):
         self.paper, self.strict = paper, strict
         self.claims, self.readings = read(paper, folder), readings(paper, folder)
+        self.flown = flown(paper, folder)
         self.verdicts = {}
         runs = {numbers(claim.rule).get("runs") for claim in self.claims.values()} - {None}
         self.runs = runs.pop() if len(runs) == 1 else None  # the paper's own, for its orderings
@@ -406,7 +477,8 @@ class Ledger:
         no chance is involved.  `se` is the standard error from `n` trials.  `shown` is what the
         table shows, mandatory for a bool; a margin with an error is added to it.  `reached`: a
         margin of 0 is enough ("at least").  `readings` has the same under the other options of each
-        reading that touches the row, ``{name: {option: Option(...)}}``.
+        reading that touches the row, ``{name: {option: Option(...)}}``; nothing for a row that
+        data/readings_flown.csv has, whose `depends` follows from that file.
         """
         claim = self._open(id)
         if not claim.rule:
@@ -417,7 +489,11 @@ class Ledger:
             raise self._error(f"{id}: a truth value needs shown=, its evidence in words")
         if not shown or claim.kind != "number" and row.se and "margin" not in shown:
             shown = "; ".join(filter(None, (shown, row.measured)))
-        if readings or (self._measured(claim) and self.options(claim)):
+        if id in self.flown and readings:
+            raise self._error(f"{id}: readings_flown.csv has its readings; give none here")
+        if id in self.flown:
+            row = self._as_flown(claim, row)
+        elif readings or (self._measured(claim) and self.options(claim)):
             row = self._compared(claim, row, readings or {}, reached)
         cause = claim.cause if row.verdict == "differs" else ""
         return self._enter(row._replace(measured=shown, evidence=claim.evidence, cause=cause))
@@ -453,8 +529,27 @@ class Ledger:
 
     def options(self, claim):
         """The options beside the default that a row is flown under, by reading."""
-        found = {it.name: it.others() for it in self.readings.values() if it.touches(claim.id)}
-        return {name: others for name, others in found.items() if others}
+        return _living(self.readings, claim.id)
+
+    def _as_flown(self, claim, row):
+        """A verdict, which is `depends` when those of data/readings_flown.csv contradict one
+        another.
+        """
+        each = self.flown[claim.id]
+        flown = {option for it in each for option in _items(it.reading)}
+        if missing := {"default", *_options(self.readings, claim.id)} - flown:
+            again = f"python -m benchmarks.readings {self.paper} {claim.id}"
+            raise self._error(f"{claim.id}: not flown: {', '.join(sorted(missing))}; {again}")
+        verdicts = [it.verdict for it in each]
+        told = ", ".join(f"{verdicts.count(v)} {v}" for v in JUDGED if v in verdicts)
+        row = row._replace(readings=f"{verdicts.count('reproduced')} of {len(each)}: {told}")
+        sure = {it.verdict for it in each if it.apart == "yes" or it.reading == "default"}
+        return self._if_sure(claim, row, sure)
+
+    def _if_sure(self, claim, row, sure):
+        """A verdict, or `depends` when a measured row has both of two among those that are sure."""
+        depends = self._measured(claim) and sure >= {"reproduced", "differs"}
+        return row._replace(verdict="depends") if depends else row
 
     def _compared(self, claim, row, readings, reached):
         """A verdict under the default and what the other options make of it.
@@ -470,21 +565,19 @@ class Ledger:
         if wanted != given:
             wrong = f"readings.csv has the other options {wanted or 'none'}"
             raise self._error(f"{claim.id}: {wrong}; given are {given or 'none'}")
-        flown = {(name, it): each[it] for name, each in readings.items() for it in each}
-        points = sum(np.size(option.difference) for option in flown.values())
+        options = {(name, it): each[it] for name, each in readings.items() for it in each}
+        beyond = apart(options)
         alone = next(iter(readings)) if len(readings) == 1 else ""
         every = {self.readings[alone].default if alone else "default": row.verdict}
         sure = {row.verdict}
-        for (name, option), it in flown.items():
+        for (name, option), it in options.items():
             verdict = self.judged(claim, it.measured, it.se, it.n, reached).verdict
             every[option if alone else f"{name} {option}"] = verdict
-            if np.any(np.abs(it.difference) > quantile(it.n, points) * np.asarray(it.error)):
-                sure.add(verdict)
+            sure |= {verdict} if (name, option) in beyond else set()
         told = ", ".join(map(" ".join, every.items()))
         count = [*every.values()].count("reproduced")
         row = row._replace(readings=f"{count} of {len(every)}: {told}")
-        depends = self._measured(claim) and sure >= {"reproduced", "differs"}
-        return row._replace(verdict="depends") if depends else row
+        return self._if_sure(claim, row, sure)
 
     def _measured(self, claim):
         """Whether a claim is measured, or repeats one that is."""

@@ -273,12 +273,14 @@ def digest(paper):
     files.append(paths.PACKAGE / "__init__.py")  # the decorator of all kernels
     parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
     if paper == "index":
-        tables = itertools.product(papers(), ("verdicts.csv", "advice.csv"))
+        tables = itertools.product(papers(), ("verdicts.csv", "advice.csv", "methods.csv"))
         shown = [paths.figures() / name / file for name, file in tables]
         parts += [file.read_text(encoding="utf-8") for file in shown if file.is_file()]
     if paper in claims.papers():
         parts += ["\0".join(row[:-1]) for row in claims.read(paper).values()]  # the cause is last
         parts += [repr(row._replace(words="")) for row in claims.readings(paper).values()]
+        flown = claims.flown(paper).values()
+        parts += [repr(row._replace(digest="")) for each in flown for row in each]
     return products.digest([part.encode() for part in parts])
 
 
