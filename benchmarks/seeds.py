@@ -97,6 +97,8 @@ def main():
     commit = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
     tables = {paper: single(paper, ids) if ids else sweep(paper) for paper in papers}
     table = counts(tables).merge(together(tables), how="left")
+    rows_now = zip(table["paper"], table["claim"], strict=True)
+    table["row"] = [claims.row_digest(claims.read(paper)[id]) for paper, id in rows_now]
     file, said = paths.SEEDS, " ".join(["python -m benchmarks.seeds", *words])
     before = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
     heads = [line for line in before if line.startswith("#") and words]

@@ -342,6 +342,14 @@ def rule_digest(rule):
     return hashlib.sha256(rule.encode()).hexdigest()[:8]
 
 
+def row_digest(claim):
+    """Short hash of what a verdict on a row rests on: the printed value and the rule.
+
+    Studies keep it, so that one that judged another value or rule is found.
+    """
+    return rule_digest("\0".join((claim.kind, claim.value, claim.unit, claim.rule)))
+
+
 _PRINTED = re.compile(r"(?:10\^)?[+-]?\d+(?:\s\d{3})*(?:\.(\d*))?(?:[eE][+-]?\d+)?%?|N/A")
 
 

@@ -157,7 +157,7 @@ def score_command(arguments):
     except (ValueError, FileNotFoundError) as error:
         raise CheckFailed(error) from None
     files = scorecard.files(folder, readme=not arguments.figures)
-    changed = scorecard.changes(folder)
+    changed, old = scorecard.changes(folder), scorecard.stale()
     if not arguments.check:
         paths.require_writable(*{path.parent for path in files})
     stale = [path.name for path in files if not path.is_file() or path.read_bytes() != files[path]]
@@ -169,8 +169,11 @@ def score_command(arguments):
     if changed:
         count = f"{len(changed)} verdicts are not those of the last scorecard"
         raise CheckFailed(f"{count}: {'; '.join(changed)}")
-    if unlisted := changes.complaints(None if arguments.figures else every):
-        raise CheckFailed("; ".join(unlisted))
+    wrong = changes.complaints(None if arguments.figures else every)
+    other = "seeds.csv has judged another value or rule; make it anew: python -m benchmarks.seeds"
+    wrong += [f"{other} {words}" for words in old]
+    if wrong:
+        raise CheckFailed("; ".join(wrong))
     return GOOD
 
 

@@ -10,6 +10,7 @@ and ``<!-- /caption -->`` stands the caption of a product.
 import contextlib
 import re
 
+import numpy as np
 import pandas as pd
 
 from tbdcore.repro import cite, claims, pages, paths, products
@@ -39,27 +40,50 @@ def files(folder, readme):
 
 
 def study():
-    """The study: paper, claim, number of seeds, of each verdict, and a number's verdict on all
-    trials together; empty without one, ValueError when the file is no such table.
+    """The study: paper, claim, number of seeds, of each verdict, a number's verdict on all trials
+    together, and the digest of the judged row; empty without one, ValueError when the file is no
+    such table.
     """
-    columns = ["paper", "claim", "seeds", *claims.JUDGED, "together"]
+    columns = ["paper", "claim", "seeds", *claims.JUDGED, "together", "row"]
     if not paths.SEEDS.is_file():
         return pd.DataFrame(columns=columns)
     table = pd.DataFrame()
     with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
-        table = pd.read_csv(paths.SEEDS, comment="#")
+        table = pd.read_csv(paths.SEEDS, comment="#", dtype={"row": str})
     if list(table) != columns or not len(table):
         wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
         raise ValueError(f"{paths.SEEDS}: {wrong}")
     return table
 
 
+def stale():
+    """The claims of the study whose printed value or rule is another today, as the words of the
+    command that makes them anew, paper by paper; or that are no claims any more.
+    """
+    found = study()
+    old = found[~_judges_present_rows(found)]
+    return [f"{paper} {' '.join(rows['claim'])}" for paper, rows in old.groupby("paper")]
+
+
+def _judges_present_rows(found):
+    """Which rows of the study judge the printed value and the rule of today."""
+    digests = {paper: _digests(paper) for paper in claims.papers()}
+    now = zip(found["paper"], found["claim"], found["row"], strict=True)
+    return np.array([digests.get(paper, {}).get(id) == row for paper, id, row in now], bool)
+
+
+def _digests(paper):
+    return {id: claims.row_digest(claim) for id, claim in claims.read(paper).items()}
+
+
 def with_seeds(every):
     """A table of verdicts; a column `seeds`, the share of the seeds that give the verdict, and
-    `together`, the verdict of a number on the trials of all seeds.
+    `together`, the verdict of a number on the trials of all seeds: both empty where the study has
+    judged another value or rule.
     """
-    keys = pd.MultiIndex.from_frame(every[["paper", "id"]])
-    found, same = study().set_index(["paper", "claim"]).reindex(keys), every["verdict"].to_numpy()
+    keys, found = pd.MultiIndex.from_frame(every[["paper", "id"]]), study()
+    found = found[_judges_present_rows(found)].set_index(["paper", "claim"]).reindex(keys)
+    same = every["verdict"].to_numpy()
     share = sum((found[v].where(same == v, 0) for v in claims.JUDGED), 0.0) / found["seeds"]
     return every.assign(seeds=share.to_numpy(float), together=found["together"].to_numpy())
 

@@ -502,7 +502,7 @@ def test_score_of_another_folder_leaves_the_readme_alone(repository, capsys):
     assert (repository / "build" / "try" / "scorecard.csv").is_file()
 
 
-SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,depends,inconclusive,together\n"
+SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,depends,inconclusive,together,row\n"
 
 
 def test_the_scorecard_has_the_share_of_the_seeds_and_counts_what_is_below_nine_tenths(
@@ -510,8 +510,9 @@ def test_the_scorecard_has_the_share_of_the_seeds_and_counts_what_is_below_nine_
 ):
     enter(repository, VERDICTS)
     study = repository / "data" / "seeds.csv"
+    row = claims.row_digest(claims.read("tiny")["order"])
     for of_ten, marked in ((9, 0), (8, 1)):
-        study.write_text(f"{SEEDS}tiny,order,10,{of_ten},{10 - of_ten},0,0,differs\n")
+        study.write_text(f"{SEEDS}tiny,order,10,{of_ten},{10 - of_ten},0,0,differs,{row}\n")
         cli.main(["score"])
         card = pd.read_csv(repository / "figures" / "scorecard.csv").set_index("id")
         card = card[["seeds", "together"]]

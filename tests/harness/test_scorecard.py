@@ -3,14 +3,14 @@
 import pandas as pd
 import pytest
 
-from tbdcore.repro import cite, claims, cli, paths
+from tbdcore.repro import cite, claims, cli, paths, scorecard
 
 DEPENDS = f"""{",".join(claims.Verdict._fields)}
 mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.0,,depends,"1 of 2: all reproduced, half differs",measured,
 order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.0,,reproduced,,measured,
 price,text,price,cheap,,,,,,untestable,,,An opinion.
 """  # noqa: E501
-SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,depends,inconclusive,together\n"
+SEEDS = "# by hand\npaper,claim,seeds,reproduced,differs,depends,inconclusive,together,row\n"
 
 
 @pytest.fixture
@@ -49,9 +49,31 @@ def test_a_row_that_depends_is_counted_and_listed(folder):
 def test_one_sentence_names_the_rows_that_all_seeds_together_change(folder, together, said):
     cli.main(["score"])
     assert "[seeds]" not in paths.README.read_text(), "without a study"
-    (folder / "data" / "seeds.csv").write_text(f"{SEEDS}tiny,order,10,9,1,0,0,{together}\n")
+    row = claims.row_digest(claims.read("tiny")["order"])
+    (folder / "data" / "seeds.csv").write_text(f"{SEEDS}tiny,order,10,9,1,0,0,{together},{row}\n")
     assert cli.main(["score"]) == 0
     assert paths.README.read_text().splitlines()[-2:] == [said, "<!-- /scorecard -->"]
+
+
+@pytest.mark.parametrize("field", ["value", "unit", "kind", "rule", "gone"])
+def test_seeds_that_judged_another_value_or_rule_are_named_and_not_shown(folder, capsys, field):
+    row = claims.read("tiny")["order"]
+    old = claims.row_digest(row._replace(**{field: "other"} if field in row._fields else {}))
+    name = "order" if field in row._fields else "older"
+    study = folder / "data" / "seeds.csv"
+    study.write_text(f"{SEEDS}tiny,{name},10,9,1,0,0,differs,{old}\n")
+    assert scorecard.stale() == [f"tiny {name}"]
+    assert cli.main(["score"]) == 1
+    assert f"anew: python -m benchmarks.seeds tiny {name}\n" in capsys.readouterr().err
+    assert "[seeds]" not in paths.README.read_text()
+    card = pd.read_csv(folder / "figures" / "scorecard.csv")
+    assert card[["seeds", "together"]].isna().all(axis=None)
+    study.write_text(f"{SEEDS}tiny,order,10,9,1,0,0,differs,{claims.row_digest(row)}\n")
+    assert scorecard.stale() == []
+
+
+def test_the_seeds_of_the_repository_judge_the_present_rows():
+    assert scorecard.stale() == []
 
 
 def test_the_papers_own_figures_and_tables_come_first_in_their_order(folder):
