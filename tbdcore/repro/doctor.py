@@ -61,6 +61,17 @@ def packages():
     return True, f"Python {python}, {len(wanted)} distributions as in {lock}"
 
 
+def line_ends():
+    """Line ends of what the harness and the scripts read: a checkout with CRLF is refused later."""
+    read = [*paths.CLAIMS.parent.rglob("*.csv"), *paths.PRODUCTS.glob("*/verdicts.csv")]
+    read += [file for file in paths.ROOT.joinpath(".ci").glob("*") if file.is_file()]
+    if wrong := sorted(file for file in read if b"\r\n" in file.read_bytes()):
+        files = f"{wrong[0].relative_to(paths.ROOT)} and {len(wrong) - 1} more files"
+        what = "have CRLF line ends, so that claims cannot be read and .ci does not run"
+        return False, f"{files} {what}; clone again: git clone -c core.autocrlf=false ADDRESS"
+    return True, f"LF in {len(read)} tables and scripts"
+
+
 def jupyter_kernel():
     """The Jupyter kernel that runs the notebooks, and whether it is this Python."""
     make = f"make it: {PYTHON} -m ipykernel install --sys-prefix"
@@ -110,6 +121,7 @@ def _draw(seed, i):
 
 CHECKS = {
     "packages": packages,
+    "line ends": line_ends,
     "Jupyter kernel": jupyter_kernel,
     "folders": folders,
     "self-test": self_test,

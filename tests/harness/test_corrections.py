@@ -8,7 +8,7 @@ import tiny
 
 from tbdcore.repro import claims, pages
 
-# Numbers that the code of a chapter still has; each one goes when the chapter reads it from its claims file.
+# Numbers that a page still has; each one goes when the page reads it from its claims file
 KNOWN = {
     "track_cfar": {0.0345, 4.72, 9.39, 13.82, 14.11, 287.1, 368.1},
 }

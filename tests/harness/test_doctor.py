@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+import tiny
 from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
 
 from tbdcore.repro import cli, doctor, paths
@@ -17,7 +18,7 @@ from tbdcore.repro import cli, doctor, paths
 def test_a_healthy_machine_passes(capsys):
     assert cli.main(["doctor"]) == 0
     out, err = capsys.readouterr()
-    assert (out.count("\n"), err) == (4, "")
+    assert (out.count("\n"), err) == (5, "")
 
 
 def test_a_lock_is_read_with_its_markers():
@@ -55,6 +56,12 @@ def no_kernel(monkeypatch, tmp_path):
 
 def closed_folder(monkeypatch, tmp_path):
     monkeypatch.setattr(paths, "writable", lambda folder: folder != paths.figures())
+
+
+def foreign_line_ends(monkeypatch, tmp_path):
+    tiny.here(tmp_path, monkeypatch)
+    for file in (paths.CLAIMS / "tiny.csv", paths.CLAIMS / "declared.csv"):
+        file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
 
 
 def closed_temporary(monkeypatch, tmp_path):
@@ -95,6 +102,7 @@ def wrong_workers(monkeypatch, tmp_path):
         ),
         (no_kernel, "Jupyter kernel", "no Jupyter kernel python3; make it"),
         (closed_folder, "folders", "cannot be written; give runs another folder"),
+        (foreign_line_ends, "line ends", "data/claims/declared.csv and 1 more files have CRLF"),
         (another_stream, "self-test", "a random stream: not the known result; remove"),
         (
             wrong_kernel_result,
