@@ -6,8 +6,14 @@ them, and has the verdict of each number on the trials of all seeds together.  R
 with the same sources are not made again, so an interrupted study goes on where it stopped.
 
 ``python -m benchmarks.seeds PAPER CLAIM ...`` does so for some claims, by the cells that they need.
+
+``python -m benchmarks.seeds PAPER tables`` makes the chapter's tables of methods and limits with
+five other seeds, by the cells that they need, and writes each number to ``data/tables_seeds.csv``.
+A sentence that compares two rows of a table holds for these seeds pooled: see ``lead``.
 """
 
+import io
+import math
 import subprocess
 import sys
 
@@ -15,9 +21,11 @@ import numpy as np
 import pandas as pd
 
 from benchmarks import rows
-from tbdcore.repro import claims, cli, pages, paths, products, scorecard
+from tbdcore.repro import claims, cli, pages, paths, products, scorecard, studies, tables
 
 SEEDS = range(21, 30)  # the notebooks' own seed is 20
+FIVE = SEEDS[:5]  # those of the tables
+TABLE_COLUMNS = ["paper", "table", "row", "column", "seed", "value", "se"]
 
 
 def sweep(paper):
@@ -71,6 +79,56 @@ def together(tables):
     return pd.DataFrame(found, columns=["paper", "claim", "together"])
 
 
+def numbers(paper, name, seed, text):
+    """The numbers of a table of methods or limits that have an error, a row each; a word is NaN."""
+    frame, found = tables.read(io.StringIO(text)), []
+    measures = [column for column in frame if f"{column}_se" in frame]
+    for _, row in frame.iterrows():
+        for column in measures:
+            pair = pd.to_numeric(row[[column, f"{column}_se"]], errors="coerce")
+            found.append((paper, name, row.iloc[0], column, seed, *pair))
+    return found
+
+
+def of_tables(paper):
+    """Methods and limits of a paper with five other seeds, a row for each number."""
+    found = []
+    for seed in FIVE:
+        for name, text in rows.tables(paper, seed=seed).items():
+            found += numbers(paper, name, seed, text)
+        print(paper, seed, flush=True)
+    return pd.DataFrame(found, columns=TABLE_COLUMNS)
+
+
+def write_tables(paper):
+    """Fly them, and write the file with the numbers of the other papers."""
+    table, file = of_tables(paper), paths.SEEDS.with_name("tables_seeds.csv")
+    head = f"# python -m benchmarks.seeds {paper} tables; seeds {FIVE[0]} to {FIVE[-1]}\n"
+    if file.is_file():
+        lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+        head = "".join(it for it in lines if it[0] == "#" and f" {paper} tables" not in it) + head
+        old = studies.read("tables_seeds")
+        table = pd.concat([old[old["paper"] != paper], table], ignore_index=True)
+    products.write(file.parent, {file.name: head.encode() + products.csv(table)})
+
+
+def lead(table, column, row, other):
+    """By how much a row of a table of one paper exceeds another in a column, and the error of that:
+    the mean of the seeds' differences.  Both rows have a number for each seed, else ValueError.
+    """
+    own, theirs = (
+        table[(table["row"] == name) & (table["column"] == column)].set_index("seed")
+        for name in (row, other)
+    )
+    if not len(own) or set(own.index) != set(theirs.index):
+        raise ValueError(f"{column}: no numbers of {row!r} and {other!r} for the same seeds")
+    gap = (own["value"] - theirs["value"]).to_numpy()
+    if not np.isfinite(gap).all():
+        raise ValueError(f"{column}: {row!r} or {other!r} has a word, no number")
+    errors = np.hypot(own["se"], theirs["se"].reindex(own.index))
+    return gap.mean(), math.sqrt((errors**2).sum()) / len(gap)
+
+
 def replaced(table, old):
     """An old table, with the rows of some claims made anew."""
     new, old = (each.set_index(["paper", "claim"]) for each in (table, old))
@@ -89,6 +147,8 @@ def merged(table, old, papers):
 def main():
     """Make the study and write the file, with the commit and the command in its first line."""
     words = sys.argv[1:]
+    if words[1:] == ["tables"]:
+        return write_tables(pages.paper_of(words[0]))
     known = claims.read(pages.paper_of(words[0], pages.papers())) if words else {}
     ids = [word for word in words if word in known]
     papers = [pages.paper_of(word, pages.papers()) for word in words if word not in ids]

@@ -1,9 +1,22 @@
-"""What every benchmark needs: a row of the table, and the best of several timings."""
+"""What every benchmark needs: a row of the table, and the best of several timings.
 
+The CPU time of a trial, for a chapter's table of methods, is a committed study in a module
+``benchmarks/<paper>_cost.py`` with one call:
+
+    timing.write_costs("dp_tbd", {"one frame": partial(trial, 1), "weighted": partial(trial, 11)})
+
+A chapter reads it with ``studies.cost``; ``portfolio.methods`` does so itself.
+"""
+
+import platform
 import time
+from pathlib import Path
 from typing import NamedTuple
 
+import pandas as pd
 from numba import njit
+
+from tbdcore.repro import paths, products
 
 # for loops that call kernels of the core; not cached, since a cached loop would keep the old kernel
 loop = njit(error_model="numpy")
@@ -43,3 +56,39 @@ def _timed(function, args, calls):
     for _ in range(calls):
         function(*args)
     return (time.perf_counter() - start) / calls
+
+
+def cpu_ms(trial, repeat=5, least=0.02):
+    """Least CPU milliseconds of trial(), of several timings in this process, after a call that may
+    compile; a timing lasts at least `least` seconds.
+    """
+    trial()
+    calls = max(1, round(least / max(_cpu(trial, 1), 1e-9)))
+    return 1e3 * min(_cpu(trial, calls) for _ in range(repeat))
+
+
+def _cpu(trial, calls):
+    start = time.process_time()
+    for _ in range(calls):
+        trial()
+    return (time.process_time() - start) / calls
+
+
+def write_costs(paper, trials, repeat=5):
+    """Time the trials of a paper, functions without arguments by the name of their method, and
+    write ``data/<paper>_cost.csv``: ``method,cpu_ms``, three digits, with the machine's name.
+    """
+    times = [float(f"{cpu_ms(trial, repeat):.3g}") for trial in trials.values()]
+    table = pd.DataFrame({"method": [*trials], "cpu_ms": times})
+    head = f"# python -m benchmarks.{paper}_cost: one process on {machine()}, least of {repeat}\n"
+    folder = paths.CLAIMS.parent
+    products.write(folder, {f"{paper}_cost.csv": head.encode() + products.csv(table)})
+    return table
+
+
+def machine():
+    """The processor's name."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return (names or [platform.processor() or platform.machine()])[0]

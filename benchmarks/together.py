@@ -23,16 +23,15 @@ which the first line names: the least CPU time of ten scenes, one process, one t
 """
 
 import math
-import platform
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 import tbdcore
+from benchmarks import timing
 from tbdcore import detection as amplitudes
 from tbdcore import noise as noise_laws
 from tbdcore import recording, score
@@ -274,22 +273,13 @@ def rows():
     yield from bayes_rows()
 
 
-def machine():
-    """The processor's name."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.is_file() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return (names or [platform.processor() or platform.machine()])[0]
-
-
 def write(name, table, counts=()):
     """A study as a file, of a table whose columns `counts` become shares with their errors."""
     for column in counts:
         share, se = score.proportion(table[column], N_TRIALS)
         table = table.assign(**{column: share, f"{column}_se": se, "n": N_TRIALS})
-    head = (
-        f"# python -m benchmarks.together: {N_TRIALS} trials, seed {SEED}; times on {machine()}\n"
-    )
+    said = f"{N_TRIALS} trials, seed {SEED}; times on {timing.machine()}"
+    head = f"# python -m benchmarks.together: {said}\n"
     text = table.round(4).to_csv(index=False, lineterminator="\n")
     (paths.CLAIMS.parent / f"{name}.csv").write_text(head + text, encoding="utf-8")
     return table

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from scipy.special import ndtr
 
-from tbdcore.repro import products, screen
+from tbdcore.repro import products, screen, tables
 from tbdcore.score import Z99
 
 STYLE = dict.fromkeys(["font.size", "axes.titlesize", "axes.labelsize"], 9) | {
@@ -176,6 +176,21 @@ class Portfolio:
     def breaks(self, frame, caption):
         """Keep the table of what breaks the method, in the same way."""
         return self.advice(frame, caption, "breaks")
+
+    def methods(self, frame, caption, measures=tables.MEASURES):
+        """Keep the table of methods, with the columns of ``tables`` but for CPU times, which a
+        study has; returns it as it is shown.
+        """
+        return self._shown(tables.methods(self.paper, frame, measures), "methods", caption)
+
+    def limits(self, frame, caption):
+        """Keep the table of limits, with the columns of ``tables``, in the same way."""
+        return self._shown(tables.limits(self.paper, frame), "limits", caption)
+
+    def _shown(self, frame, name, caption):
+        shown = self.table(tables.shown(frame), name, caption)
+        self.files[f"{name}.csv"] = products.csv(frame)
+        return shown
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):

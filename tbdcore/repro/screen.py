@@ -121,7 +121,7 @@ def advice(paper):
     def table(folder):
         rows = read_advice([paper], folder).rename(columns={"instead_of": "instead of"})
         rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
-        caption = _table(f"{paper}/advice", folder)[1] or "Not yet run."
+        caption = committed(f"{paper}/advice", folder)[1] or "Not yet run."
         return f"{products.markdown(rows[['do', 'when', 'instead of', 'gain']])}\n*{caption}*\n"
 
     return Part(table(paths.PRODUCTS), f"{paper} advice")
@@ -129,7 +129,7 @@ def advice(paper):
 
 def exhibit(id):
     """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
-    text, caption = _table(id, paths.PRODUCTS)
+    text, caption = committed(id, paths.PRODUCTS)
     file = paths.PRODUCTS / f"{id}.png"
     if text:
         return Part(f"{text.partition('-->')[2].strip()}\n\n*{caption}*", id)
@@ -138,7 +138,7 @@ def exhibit(id):
     return Exhibit(id, caption, file.read_bytes(), id)
 
 
-def _table(id, folder):
+def committed(id, folder):
     """Table and caption of a product, each empty where there is none."""
     about, table = folder / f"{id}.json", folder / f"{id}.md"
     text = table.read_text(encoding="utf-8") if table.is_file() else ""
