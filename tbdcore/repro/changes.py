@@ -4,8 +4,8 @@
 value that the paper prints, as first declared.  ``data/claims/changes.csv`` has a line for each row
 whose rule, printed value or statistic changed after it had first been measured: the first verdict,
 the verdict now, why, and the last commit before the change.  Its ``rules`` are the digests of the
-rule from the declared one to the present one, with blanks between them; ``values`` the printed
-values, with `` > `` between them, empty where the value is as declared.
+rule from the declared one to the present one, ``values`` the printed values, with `` > `` between
+them; each is empty where it is as declared.
 """
 
 import csv
@@ -16,7 +16,7 @@ from typing import NamedTuple
 from tbdcore.repro import claims, paths, products
 
 WORDS = 15  # of a reason, at most
-LATER = " > "  # between a printed value and the corrected one
+LATER = " > "  # between a rule or value and the one that took its place
 
 
 class Declared(NamedTuple):
@@ -59,13 +59,13 @@ def _faults(it):
     """What can be wrong in a row of changes.csv: column, whether it is, and what to do."""
     verdicts, words = ", ".join(claims.VERDICTS), len(it.why.split())
     commit = re.fullmatch("[0-9a-f]{7,40}", it.last_commit)
-    chain = re.fullmatch("[0-9a-f]{8}( [0-9a-f]{8})*", it.rules)
+    chain = re.fullmatch("([0-9a-f]{8} > )+[0-9a-f]{8}|", it.rules)
     return [
         ("first", it.first not in claims.VERDICTS, f"known are {verdicts}"),
         ("now", it.now not in claims.VERDICTS, f"known are {verdicts}"),
         ("why", not 1 <= words <= WORDS, f"{words} words; give a reason of at most {WORDS}"),
         ("last_commit", not commit, "give 7 to 40 hexadecimal digits"),
-        ("rules", not chain, "give the digests of the rules, with blanks between them"),
+        ("rules", chain is None, f"write old{LATER}new, the digests of the rules"),
         ("values", it.values and LATER not in it.values, f"write old{LATER}new"),
     ]
 
@@ -112,7 +112,7 @@ def _unlisted(now, first, change):
     where = f"{now.paper} {now.id}"
     if first is None:
         return [f"declared.csv: {where} is missing; declare it before you measure it"]
-    rules = change.rules.split(" ") if change else [first.rule]
+    rules = change.rules.split(LATER) if change and change.rules else [first.rule]
     values = change.values.split(LATER) if change and change.values else [first.value]
     lines = []
     if rules[0] != first.rule or values[0] != first.value:

@@ -43,9 +43,8 @@ def files(paper):
 
 def _cell(kind, tag, text):
     """A cell of a notebook; what is folded in the book is so in JupyterLab."""
-    about = {"tags": [tag]} if tag else {}
-    if tag == "hide-input":
-        about["jupyter"] = {"source_hidden": True}
+    about = {"jupyter": {"source_hidden": True}} if tag == "hide-input" else {}
+    about |= {"tags": [tag]} if tag else {}
     cell = {"metadata": about, "source": text.rstrip().splitlines(keepends=True)}
     if kind == "markdown":
         return {"cell_type": "markdown"} | cell

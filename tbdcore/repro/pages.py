@@ -287,7 +287,8 @@ def digest(paper):
 def clean(notebook):
     """A papermill result as it is committed: without timings, papermill's metadata, standard error
     and injected cells; input with the tag ``hide-input`` folded in JupyterLab too; a picture's
-    alternative text also in the cell's metadata, where the book looks for it.
+    alternative text also in the cell's metadata, where the book looks for it; the metadata in the
+    order of ruff, which then changes nothing but code.
     """
     cells = []
     for cell in notebook["cells"]:
@@ -304,6 +305,8 @@ def clean(notebook):
             output.update({"execution_count": count} if "execution_count" in output else {})
             if alt := output.get("metadata", {}).get("image/png", {}).get("alt"):
                 cell["metadata"]["mystnb"] = {"image": {"alt": alt}}
+    for cell in cells:
+        cell["metadata"] = dict(sorted(cell["metadata"].items()))
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     about = {"kernelspec": kernel, "language_info": {"name": "python"}}
     return notebook | {"cells": cells, "metadata": about}

@@ -41,7 +41,7 @@ def test_a_rule_that_changed_without_a_line_is_named(repository):
     (said,) = changes.complaints()
     assert "tiny mean" in said
     assert SECOND in said
-    listed(f"{FIRST} {SECOND},")
+    listed(f"{FIRST} > {SECOND},")
     assert changes.complaints() == []
 
 
@@ -49,18 +49,18 @@ def test_a_value_that_was_corrected_without_a_line_is_named(repository):
     change(value="0.1")
     (said,) = changes.complaints()
     assert "tiny mean has another value now" in said
-    listed(f"{FIRST},0.0 > 0.1")
+    listed(",0.0 > 0.1")
     assert changes.complaints() == []
 
 
 @pytest.mark.parametrize(
     ("line", "count"),
     [
-        (f"{FIRST} {SECOND} {THIRD},", 0),
-        (f"{FIRST} {SECOND},", 1),  # it ends too early
-        (f"{SECOND} {THIRD},", 1),  # it does not begin with the declared rule
-        (f"{FIRST} {THIRD},0.1 > 0.0", 1),
-        (f"{FIRST} {THIRD},0.0 > 0.1", 1),
+        (f"{FIRST} > {SECOND} > {THIRD},", 0),
+        (f"{FIRST} > {SECOND},", 1),  # it ends too early
+        (f"{SECOND} > {THIRD},", 1),  # it does not begin with the declared rule
+        (f"{FIRST} > {THIRD},0.1 > 0.0", 1),
+        (f"{FIRST} > {THIRD},0.0 > 0.1", 1),
     ],
 )
 def test_a_chain_leads_from_what_was_declared_to_what_is_there(repository, line, count):
@@ -75,7 +75,7 @@ def test_a_row_that_is_not_declared_and_one_that_is_gone_are_named(repository):
     gone, missing = changes.complaints()
     assert "tiny median is no claim" in gone
     assert "tiny mean is missing" in missing
-    listed(f"{FIRST},")
+    listed(",")
     file.write_text(tiny.declared(tiny.CLAIMS))
     rest = tiny.CLAIMS.replace("mean,Table", "median,Table")
     (paths.CLAIMS / "tiny.csv").write_text(rest)
@@ -94,7 +94,7 @@ def test_declaring_leaves_what_was_declared_before(repository):
 
 
 def test_score_names_what_is_not_listed_and_an_old_verdict(inside, capsys):
-    listed(f"{FIRST},")
+    listed(",")
     assert cli.main(["score"]) == 1
     assert "tiny mean is reproduced, not differs" in capsys.readouterr().err
     (paths.CLAIMS / "changes.csv").unlink()
@@ -119,7 +119,7 @@ def test_score_names_what_is_not_listed_and_an_old_verdict(inside, capsys):
     ],
 )
 def test_a_damaged_list_is_named_in_one_line(inside, capsys, old, new, column):
-    listed(f"{FIRST},0.0 > 0.1")
+    listed(f"{FIRST} > {SECOND},0.0 > 0.1")
     file = paths.CLAIMS / "changes.csv"
     text = file.read_text().replace(old, new)
     file.write_bytes(text.encode("utf-8", "surrogateescape"))
@@ -131,6 +131,6 @@ def test_a_damaged_list_is_named_in_one_line(inside, capsys, old, new, column):
 
 
 def test_a_row_that_is_listed_twice_is_refused(repository):
-    listed(f"{FIRST},", f"{FIRST},")
+    listed(",", ",")
     with pytest.raises(ValueError, match="stands there twice"):
         changes.changes()

@@ -10,6 +10,7 @@ import types
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import nbformat
 import numpy as np
 import pytest
 import tiny
@@ -437,3 +438,25 @@ def test_clean_leaves_what_is_committed():
 def test_clean_changes_nothing_twice():
     once = pages.clean(executed())
     assert pages.clean(copy.deepcopy(once)) == once
+
+
+def test_ruff_finds_nothing_to_order_in_a_clean_notebook(tmp_path):
+    """So that a change of one line of code changes one line of the file."""
+    notebook, file = executed(), tmp_path / "page.ipynb"
+    first = notebook["cells"][0]
+    first["metadata"]["tags"] = ["hide-input"]
+    first["outputs"] = [
+        {
+            "output_type": "display_data",
+            "data": {"image/png": "", "text/plain": "<σ>"},
+            "metadata": {"image/png": {"alt": "a picture"}},
+        }
+    ]
+    notebook["cells"][2]["id"] = "injected"
+    nbformat.write(nbformat.from_dict(notebook), file)  # as papermill does
+    notebook = pages.clean(json.loads(file.read_text(encoding="utf-8")))
+    text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
+    assert '"mystnb"' in text
+    file.write_text(text.replace("import time", "import  time"), encoding="utf-8")
+    subprocess.run([sys.executable, "-m", "ruff", "format", "-q", file], check=True)
+    assert file.read_text(encoding="utf-8") == text
