@@ -130,10 +130,10 @@ def lead(table, column, row, other):
 
 
 def replaced(table, old):
-    """An old table, with the rows of some claims made anew."""
+    """An old table, with the rows of some claims made anew, or added at its end."""
     new, old = (each.set_index(["paper", "claim"]) for each in (table, old))
     both = pd.concat([new, old])
-    return both[~both.index.duplicated()].loc[old.index].reset_index()
+    return both[~both.index.duplicated()].loc[old.index.union(new.index, sort=False)].reset_index()
 
 
 def merged(table, old, papers):

@@ -1,4 +1,4 @@
-"""docs/add_a_paper.md, followed to the letter in a copy of the repository."""
+"""docs/add_a_paper.md and docs/changing.md, followed to the letter in a copy of the repository."""
 
 import re
 import shutil
@@ -14,6 +14,7 @@ from tbdcore.repro import cli, paths
 
 TEXT = (paths.root() / "docs" / "add_a_paper.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w*) ?([\w-]*)\n(.*?)```", TEXT, re.S)
+AUTHOR = ("-c", "user.name=x", "-c", "user.email=x@x")
 COPIED = ("data", "notebooks", "figures", "README.md", "CITATION.cff", "environment.txt")
 # what needs more than an example: other chapters' products, twenty rows, a page test
 NOT_HERE = "sources or trials_that_its_rule_names"
@@ -80,6 +81,84 @@ def test_the_new_chapter_meets_the_tests_of_all_chapters(copy):
     )
     assert run.returncode == 0, run.stdout[-3000:]
     assert int(re.search(r"(\d+) passed", run.stdout)[1]) >= 20
+
+
+# docs/changing.md --------------------------------------------------------------------------------
+
+CHANGING = (paths.root() / "docs" / "changing.md").read_text(encoding="utf-8")
+PLAIN = re.findall(r"^```\n(.*?)```", CHANGING, re.S | re.M)
+STEPS = [line.split() for block in PLAIN for line in block.strip().splitlines()]
+
+
+TO_COME = ("tbdcore/recording/", "tests/recording")  # rooms that are being built
+
+
+def seeds_of(folder, words):
+    """The study of the seeds as the text has it, with one seed for nine."""
+    assert words[:3] == ["python", "-m", "benchmarks.seeds"]
+    code = "from benchmarks import seeds; seeds.SEEDS = range(21, 22); seeds.main()"
+    command = [sys.executable, "-c", code, *words[3:]]
+    subprocess.run(["git", "init", "-q", folder], check=True)  # the study names a commit
+    subprocess.run(
+        ["git", "-C", folder, *AUTHOR, "commit", "-qm", "x", "--allow-empty"], check=True
+    )
+    made = subprocess.run(
+        command, cwd=folder, env=tiny.environment(folder), capture_output=True, text=True
+    )
+    assert made.returncode == 0, made.stderr
+
+
+def mentions(folder, text):
+    """The files about the new chapter in which a number stands."""
+    number, found = re.compile(rf"(?<![\d.]){re.escape(text)}(?!\d)"), []
+    files = [*folder.glob("notebooks/07*"), *folder.glob("figures/square_law/*")]
+    files += [folder / name for name in ("data/claims/square_law.csv", "figures/scorecard.csv")]
+    for file in files:
+        if file.suffix in (".ipynb", ".csv", ".md", ".tex", ".json"):
+            lines = file.read_text(encoding="utf-8").splitlines()
+            own = [line for line in lines if file.name != "scorecard.csv" or "square_law" in line]
+            found += [file.name] * any(number.search(line) for line in own)
+    return found
+
+
+def test_a_misread_value_is_corrected_everywhere(copy):
+    folder, _ = copy
+    shutil.copytree(paths.root() / "benchmarks", folder / "benchmarks")
+    steps = [words for words in STEPS if words[0] != "pytest" and "index" not in words]
+    (study,) = [words for words in steps if words[0] == "python"]
+    seeds_of(folder, study)
+    assert tiny.run(folder, "score").returncode == 0
+    assert {"verdicts.csv", "scorecard.csv", "07_square_law.ipynb"} <= {*mentions(folder, "0.66")}
+    file = folder / "data" / "claims" / "square_law.csv"
+    file.write_text(file.read_text().replace(",0.66,", ",0.658,"))
+    score = tiny.run(folder, "score")
+    assert score.returncode == 1
+    assert "square_law.csv, row 3, column value" in score.stderr, "verdicts on the old value"
+    run = tiny.run(folder, *steps[0][1:])
+    assert run.returncode == 0, run.stderr
+    score = tiny.run(folder, "score")
+    assert score.returncode == 1
+    assert "changes.csv: square_law f1.pd has another value now" in score.stderr
+    assert "anew: python -m benchmarks.seeds square_law f1.pd" in score.stderr
+    (line,) = re.findall(r"```text changes\n\s*(\S.*\n)", CHANGING)
+    with (folder / "data" / "claims" / "changes.csv").open("a", encoding="utf-8") as changes:
+        changes.write(line)
+    seeds_of(folder, study)
+    score = tiny.run(folder, *steps[-1][1:])
+    assert score.returncode == 0, score.stderr
+    assert mentions(folder, "0.66") == []
+    assert {"verdicts.csv", "scorecard.csv", "07_square_law.ipynb"} <= {*mentions(folder, "0.658")}
+
+
+def test_the_page_on_changes_names_files_and_tests_that_there_are():
+    for words in (words for words in STEPS if words[0] == "pytest"):
+        command = [sys.executable, "-m", *words, "--collect-only", "-p", "no:cacheprovider"]
+        found = subprocess.run(command, cwd=paths.root(), capture_output=True, text=True)
+        assert found.returncode == 0, found.stdout
+    for name in re.findall(r"`((?:tests|data|tbdcore|repro|docs)/[\w./]+)`", CHANGING):
+        place = name if not name.startswith("repro/") else f"tbdcore/{name}"
+        there = (paths.root() / place).exists() or "square_law" in name
+        assert there or name in TO_COME, name
 
 
 @pytest.mark.parametrize(
