@@ -23,6 +23,7 @@ FOLDERS = {
     "tests",
 }
 FILES = {
+    ".gitattributes",
     ".gitignore",
     "CHANGELOG.md",
     "CITATION.cff",
