@@ -2,7 +2,7 @@
 
 ``cli`` reads a command, ``commands`` does it; ``pages`` finds and reads notebooks, ``batch``
 executes them in ``processes``.  In a notebook, ``run`` opens and publishes; ``trials`` computes,
-``claims`` judges, ``figures`` draws, ``screen`` shows, ``products`` writes.  ``scorecard`` and
+``claims`` judges, ``changes`` lists what was corrected, ``figures`` draws, ``screen`` shows, ``products`` writes.  ``scorecard`` and
 ``cite`` read the products of all, ``doctor`` checks the machine, ``paths`` knows the folders.
 Of the numerical core it imports ``score`` at most.
 """

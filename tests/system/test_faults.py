@@ -30,6 +30,20 @@ class Plant(NamedTuple):
 
 FAULTS = [
     Plant(
+        "a corrected value that nobody has to list",
+        "tbdcore/repro/changes.py",
+        "if values[-1] != now.value:",
+        "if values[-1] != values[-1]:",
+        "harness/test_changes.py::test_a_value_that_was_corrected_without_a_line_is_named",
+    ),
+    Plant(
+        "seeds that judged another value are shown",
+        "tbdcore/repro/claims.py",
+        "(claim.kind, claim.value, claim.unit, claim.rule)",
+        "(claim.kind, claim.unit, claim.rule)",
+        "harness/test_scorecard.py::test_seeds_that_judged_another_value_or_rule_are_named_and_not_shown",
+    ),
+    Plant(
         "a sign in the turn matrix",
         "tbdcore/motion.py",
         "[[1.0, a, 0.0, -b]",

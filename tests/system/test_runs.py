@@ -203,6 +203,7 @@ FIGURE = 'screen.exhibit("tiny/fig1")'
 def first_screen(folder):
     """What the committed notebook of a small repository shows above its parameters, as text."""
     cells = json.loads((folder / "notebooks" / "01_tiny.ipynb").read_text("utf-8"))["cells"]
+    assert {output["output_type"] for output in cells[-1]["outputs"]} == {"stream"}
     outputs = [output["data"] for cell in cells[:2] for output in cell["outputs"]]
     texts = ["".join(data.get("text/markdown", "")) for data in outputs]
     return "\n".join(texts), [data["image/png"] for data in outputs if "image/png" in data]
