@@ -2,7 +2,8 @@
 
 ``cli`` reads a command, ``commands`` does it; ``pages`` finds and reads notebooks, ``batch``
 executes them in ``processes``.  In a notebook, ``run`` opens and publishes; ``trials`` computes,
-``claims`` judges, ``changes`` lists what was corrected, ``figures`` draws, ``screen`` shows, ``products`` writes.  ``scorecard`` and
-``cite`` read the products of all, ``doctor`` checks the machine, ``paths`` knows the folders.
+``claims`` judges, ``figures`` draws, ``tables`` checks, ``screen`` shows, ``products`` writes.
+``changes`` lists rules and values that changed, ``scorecard`` and ``cite`` read the products of
+all, ``doctor`` checks the machine, ``paths`` knows the folders.
 Of the numerical core it imports ``score`` at most.
 """
