@@ -92,39 +92,39 @@ def outcome(paper, rows):
     """The table of a first screen: for each row what, published, measured, verdict; `rows` maps
     what is measured, in words, to the id of its claim.
     """
+    head = "| | published | here | verdict |\n|---|---|---|---|\n"
+    lines, said = _outcome_lines(paper, rows)
+    return Part(f"{head}{''.join(lines)}\n*{said}*\n", f"{paper} outcome")
 
-    def table(folder):
-        head = "| | published | here | verdict |\n|---|---|---|---|\n"
-        try:
-            found = claims.verdicts(paper, folder).set_index("id")
-        except (FileNotFoundError, ValueError):
-            lines = "".join(f"| {what} | | | not yet run |\n" for what in rows)
-            return f"{head}{lines}\n*Not yet run.*\n"
-        about, lines = next(map(products.record, sorted((folder / paper).glob("*.json"))), None), []
-        for what, id in rows.items():
-            if id not in found.index:
-                raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
-            row = found.loc[id]
-            kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
-            own = about and row["n"] not in ("", str(about["trials"]))  # another number of trials
-            here = with_error(row["measured"], row["se"]) + (f" (n = {row['n']})" if own else "")
-            lines.append(f"| {what} | {row['published']} | {here} | {row['verdict']}{kind} |\n")
-        known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
-        return f"{head}{''.join(lines)}\n*Default run{known}; ± one standard error.*\n"
 
-    return Part(table(paths.PRODUCTS), f"{paper} outcome")
+def _outcome_lines(paper, rows):
+    """The lines of a first screen, and which run they come from."""
+    folder = paths.PRODUCTS
+    try:
+        found = claims.verdicts(paper, folder).set_index("id")
+    except (FileNotFoundError, ValueError):
+        return [f"| {what} | | | not yet run |\n" for what in rows], "Not yet run."
+    about, lines = next(map(products.record, sorted((folder / paper).glob("*.json"))), None), []
+    for what, id in rows.items():
+        if id not in found.index:
+            raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
+        row = found.loc[id]
+        kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
+        own = about and row["n"] not in ("", str(about["trials"]))  # another number of trials
+        here = with_error(row["measured"], row["se"]) + (f" (n = {row['n']})" if own else "")
+        lines.append(f"| {what} | {row['published']} | {here} | {row['verdict']}{kind} |\n")
+    known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
+    return lines, f"Default run{known}; ± one standard error."
 
 
 def advice(paper):
     """The advice of a paper for its first screen: do, when, instead of what, and the gain."""
-
-    def table(folder):
-        rows = read_advice([paper], folder).rename(columns={"instead_of": "instead of"})
-        rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
-        caption = committed(f"{paper}/advice", folder)[1] or "Not yet run."
-        return f"{products.markdown(rows[['do', 'when', 'instead of', 'gain']])}\n*{caption}*\n"
-
-    return Part(table(paths.PRODUCTS), f"{paper} advice")
+    folder = paths.PRODUCTS
+    rows = read_advice([paper], folder).rename(columns={"instead_of": "instead of"})
+    rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
+    caption = committed(f"{paper}/advice", folder)[1] or "Not yet run."
+    shown = products.markdown(rows[["do", "when", "instead of", "gain"]])
+    return Part(f"{shown}\n*{caption}*\n", f"{paper} advice")
 
 
 def exhibit(id):
