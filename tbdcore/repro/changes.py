@@ -10,10 +10,11 @@ them; each is empty where it is as declared.
 
 import csv
 import io
+import json
 import re
 from typing import NamedTuple
 
-from tbdcore.repro import claims, paths, products
+from tbdcore.repro import claims, pages, paths, products
 
 WORDS = 15  # of a reason, at most
 LATER = " > "  # between a rule or value and the one that took its place
@@ -99,11 +100,32 @@ def complaints(table=None):
     for (paper, id), claim in present.items():
         now = _declaration(paper, claim)
         lines += _unlisted(now, first.get((paper, id)), changed.get((paper, id)))
+    for change in changed.values():
+        lines += _left(
+            change, {it.value for (own, _), it in present.items() if own == change.paper}
+        )
     if table is not None:
         verdicts = table.set_index(["paper", "id"])["verdict"].to_dict()
         for key, it in changed.items():
             if it.now != verdicts.get(key, it.now):
                 lines.append(f"changes.csv: {' '.join(key)} is {verdicts[key]}, not {it.now}")
+    return lines
+
+
+def _left(change, printed):
+    """The cells of a page in which a value stands that was corrected, in lines.
+
+    A value that another row prints is not looked for, nor one of fewer than three digits, which
+    may stand there for something else.
+    """
+    old = [it for it in change.values.split(LATER)[:-1] if it not in printed]
+    old = [re.escape(it) for it in old if len(re.sub(r"\D", "", it).lstrip("0")) > 2]
+    if not old:
+        return []
+    page, lines = pages.path(change.paper), []
+    for number, cell in enumerate(json.loads(page.read_text(encoding="utf-8"))["cells"]):
+        if found := re.search(rf"(?<![\d.])({'|'.join(old)})(?!\.?\d)", "".join(cell["source"])):
+            lines.append(f"{page.name}, cell {number}, still has {found[0]}, of {change.id}")
     return lines
 
 
