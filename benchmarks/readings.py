@@ -27,7 +27,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks import rows
-from tbdcore.repro import claims, pages, paths, products
+from tbdcore.repro import claims, pages, paths, products, reach
 
 FILE = "readings_flown.csv"
 
@@ -87,13 +87,13 @@ def lines(paper, id, study):
 
 
 def digest(paper, id, study):
-    """Short hash of what flies a row: the study, the cells of the page that it uses, the modules
-    that these import, the claim without its cause, its readings without words.
+    """Short hash of what flies a row: the study, the cells of the page that it uses, what
+    these reach, the claim without its cause, its readings without words.
     """
     own = [inspect.getsource(compared), Path(study.__file__).read_text(encoding="utf-8")]
     code = [*rows.sources(paper, study.USES), *pages.cells(paper, "algorithm"), *own]
-    modules = [file.read_text(encoding="utf-8") for file in products.imported("\n".join(code))]
-    parts = [*map(products.meaning, [*code, *modules]), *claims.read(paper)[id][:-1]]
+    reached = sorted(reach.of_code("\n\n\n".join(code)).items())
+    parts = [repr(reached), *claims.read(paper)[id][:-1]]
     listed = claims.readings(paper).values()
     parts += [repr(it._replace(words="")) for it in listed if it.touches(id)]
     return products.digest([part.encode() for part in parts])

@@ -33,7 +33,7 @@ def __dir__():
 
 def begin(paper, namespace):
     """Open the run of a notebook; see :func:`tbdcore.repro.run.begin`."""
-    _pages()
+    _needs_repository()
     from tbdcore.repro import run
 
     return run.begin(paper, namespace)
@@ -41,18 +41,20 @@ def begin(paper, namespace):
 
 def page(paper):
     """The algorithm cells of a notebook as a module; see :func:`tbdcore.repro.pages.page`."""
-    return _pages().page(paper)
+    _needs_repository()
+    from tbdcore.repro import pages
+
+    return pages.page(paper)
 
 
-def _pages():
-    """The harness, loaded when it is asked for: it needs the repository and the extra repro."""
+def _needs_repository():
+    """Say, in one line, that the repository or the extra repro is missing."""
     from tbdcore.repro import paths
 
     paths.root()
     try:
-        import tbdcore.repro.pages as pages
+        import tbdcore.repro.pages  # noqa: F401
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"{error.name} is missing; this needs the extra repro: pip install 'tbdcore[repro]'"
         ) from None
-    return pages

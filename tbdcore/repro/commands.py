@@ -21,7 +21,7 @@ def run_command(arguments):
         raise ValueError(f"--in-place executes the notebooks with their defaults; {advice}")
     _prepare(arguments)
     jobs = {paper: _values(paper, arguments) for paper in map(pages.paper_of, named)}
-    _find_clusters(jobs.values(), arguments)
+    _find_clusters([*jobs], jobs.values(), arguments)
     status, folder = GOOD, paths.BUILD / "quick" if arguments.quick else paths.BUILD
     for paper, values in jobs.items():
         result = _run(paper, values, folder, arguments)
@@ -49,7 +49,7 @@ def sweep_command(arguments):
         if any(values[name] == earlier[name] for earlier in runs.values()):
             raise ValueError(f"sweep {name}: {value} is given twice; give each value once")
         runs[value] = values
-    _find_clusters(runs.values(), arguments)
+    _find_clusters([paper], runs.values(), arguments)
     folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / paper
     status, done = GOOD, {}
     for number, (value, values) in enumerate(runs.items(), start=1):
@@ -138,10 +138,10 @@ def _literal(text, kind):
     return text
 
 
-def _find_clusters(jobs, arguments):
+def _find_clusters(papers, jobs, arguments):
     """Say what the dask clusters that some sets of parameters name have."""
     for address in {values.get("scheduler", "") for values in jobs} - {""}:
-        workers, threads = trials.cluster(address)
+        workers, threads = trials.cluster(address, papers)
         arguments.say(f"scheduler {address}: workers {workers}, threads {threads}")
 
 

@@ -26,13 +26,11 @@ from pathlib import Path
 
 import cloudpickle
 
-from tbdcore.repro import claims, paths, products
+from tbdcore.repro import claims, paths, products, reach
 from tbdcore.repro.claims import nearest
 
 TYPES = {"int": int, "float": float, "str": str, "bool": bool, "list": list}
 EXECUTION = ("workers", "scheduler", "out")  # parameters that cannot change a result
-# modules that every product passes through
-ALWAYS_IMPORTED = "from tbdcore.repro import claims, figures, products, screen, trials"
 LARGEST = 2**63  # integers are below, so that any program can read them in a record
 _LOCK = threading.RLock()  # a page may use others
 
@@ -142,6 +140,11 @@ def cells(paper, tag=None):
     return [source for source, tags in code if tag is None or tag in tags]
 
 
+def code(paper):
+    """The code cells of a notebook as one source, without the lines of IPython's own."""
+    return "\n\n\n".join(re.sub(r"(?m)^[%!].*\n?", "", cell) for cell in cells(paper))
+
+
 @functools.lru_cache(maxsize=16)  # asked for in every run of trials on a cluster
 def _code(text):
     """Source and tags of each code cell in the text of a notebook."""
@@ -157,8 +160,8 @@ def page(paper):
     with _LOCK:  # a worker may have threads, and all of them may ask for the page at once
         if name in sys.modules and sys.modules[name].__source__ == source:
             return sys.modules[name]
-        core = [file.read_bytes() for file in products.imported(source)]  # its kernels go along
-        key = products.digest([source.encode(), *core])
+        reached = reach.of_code(source)  # what its kernels compile goes along
+        key = products.digest([source.encode(), repr(reached).encode()])
         file = paths.BUILD / "pages" / f"{paper}_{key}.py"  # for Numba's cache and tracebacks
         if not file.is_file():
             if not paths.writable(file.parent):
@@ -259,19 +262,13 @@ def usable(out):
 
 
 def digest(paper):
-    """Short hash of what makes a paper's products: the meaning of notebook, imported modules and
-    used pages; claims without causes, readings without words; the tables that the index shows.
+    """Short hash of what makes a paper's products: the code that the notebook reaches; claims
+    without causes, readings without words; the tables that the index shows.
     """
-    used = re.findall(r'\bpage\("(\w+)"\)', "\n".join(cells(paper)))
-    others = [cell for name in sorted({*used} - {paper}) for cell in cells(name, "algorithm")]
-    code = [re.sub(r"(?m)^[%!].*\n?", "", cell) for cell in (*cells(paper), *others)]
     try:
-        parts = [products.meaning(cell) for cell in code]
+        parts = [repr(sorted(reach.of_code(code(paper)).items()))]
     except SyntaxError as error:
         raise ValueError(f"{path(paper).name}: a code cell is no Python: {error}") from None
-    files = products.imported("\n".join([*code, ALWAYS_IMPORTED]))
-    files.append(paths.PACKAGE / "__init__.py")  # the decorator of all kernels
-    parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]
     if paper == "index":
         tables = itertools.product(papers(), ("verdicts.csv", "advice.csv", "methods.csv"))
         shown = [paths.figures() / name / file for name, file in tables]

@@ -1,12 +1,10 @@
-"""Products as files: text of tables, writing, records, and the digest of what made them.
+"""Products as files: text of tables, writing, and the records of what made them.
 
 A product is a set of files with one name, ``<paper>/<name>``.  Its JSON, the *record*, says what
 made it: caption, parameters, seed, trials, claims shown, package versions, and a digest of its
-sources (``pages.digest``), of which the code counts by its :func:`meaning`.
+sources (``pages.digest``).
 """
 
-import ast
-import functools
 import hashlib
 import json
 import math
@@ -15,7 +13,6 @@ import re
 import textwrap
 from importlib.metadata import version
 
-from tbdcore.repro import paths
 from tbdcore.repro.processes import signals_held
 
 RECORDED = ("id", "caption", "paper", "claims", "files", "seed", "trials", "digest")
@@ -63,125 +60,6 @@ def digest(contents):
 def versions():
     """Versions of the packages that numbers and pictures depend on."""
     return {name: version(name) for name in ("numpy", "scipy", "numba", "matplotlib", "pandas")}
-
-
-@functools.cache
-def meaning(source):
-    """What a source computes: its syntax tree as text, the same on every Python.
-
-    Comments, docstrings, layout, ``__version__`` and the texts of messages do not count.  Those are
-    strings and f-strings among the arguments of an exception that is raised, of ``print`` or of
-    ``warn``, or assigned to a local name that its function uses in such messages only; the calls
-    in an f-string count even there.
-    """
-    tree = ast.parse(re.sub("(?m)^__version__ = .*", "", source))
-    nodes = [*ast.walk(tree)]
-    for call in (call for call in map(_message, nodes) if isinstance(call, ast.Call)):
-        call.args = [_silent(argument) for argument in call.args]
-        for keyword in call.keywords:
-            keyword.value = _silent(keyword.value)
-    for function in (node for node in nodes if isinstance(node, FUNCTIONS)):
-        _silence_locals(function)
-    for node in ast.walk(tree):
-        _strip(node)
-    return ast.dump(tree)
-
-
-FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
-CALLS = ast.Call | ast.NamedExpr | ast.Await | ast.Yield | ast.YieldFrom
-SEES_LOCALS = {"locals", "vars", "eval", "exec", "query"}
-JOINED = {ast.IfExp: ("body", "orelse"), ast.BinOp: ("left", "right")}
-
-
-def _message(node):
-    """The call whose arguments are a message, if a node raises or prints one."""
-    if isinstance(node, ast.Raise):
-        return node.exc
-    if not isinstance(node, ast.Call):
-        return None
-    name = getattr(node.func, "id", getattr(node.func, "attr", ""))
-    to_file = {each.arg for each in node.keywords} & {"file", None}
-    return node if name == "warn" or (name == "print" and not to_file) else None
-
-
-def _silent(node):
-    """An expression without its texts but for the calls in them; a name is shown, not read."""
-    for part in JOINED.get(type(node), ()):
-        setattr(node, part, _silent(getattr(node, part)))
-    if isinstance(node, ast.Name):
-        return ast.arg(node.id)
-    text = isinstance(node, ast.JoinedStr) or isinstance(getattr(node, "value", None), str)
-    return ast.JoinedStr([it for it in ast.walk(node) if isinstance(it, CALLS)]) if text else node
-
-
-def _silence_locals(function):
-    """Take the texts out of what is assigned to local names that a function only shows."""
-    nodes = [*ast.walk(function)]
-    read = set().union(*map(_read, nodes))
-    found = [node for node in nodes if isinstance(node, ast.Assign)]
-    found = [node for node in found if [type(each) for each in node.targets] == [ast.Name]]
-    shown = [node for node in found if not {node.targets[0].id, *SEES_LOCALS} & read]
-    for node in shown:
-        node.targets, node.value = [_silent(node.targets[0])], _silent(node.value)
-    if shown:  # what they show may be read by nothing else
-        _silence_locals(function)
-
-
-def _read(node):
-    """The names that a node reads, or that are known outside its function."""
-    if isinstance(node, ast.Global | ast.Nonlocal):
-        return {*node.names}
-    loaded = isinstance(getattr(node, "ctx", None), ast.Load)
-    names = ast.walk(node) if isinstance(node, ast.ClassDef) else [node] if loaded else []
-    return {getattr(name, "id", getattr(name, "attr", "")) for name in names}
-
-
-def _strip(node):
-    """Take the docstring from a node, and the fields that only some versions of Python have."""
-    if isinstance(node, ast.Module | ast.ClassDef | FUNCTIONS):
-        node.body = node.body[ast.get_docstring(node, clean=False) is not None :]
-    if isinstance(node, ast.JoinedStr):  # Python versions divide its texts differently
-        merged = []
-        for piece in node.values:
-            if merged and isinstance(piece, ast.Constant) and isinstance(merged[-1], ast.Constant):
-                piece = ast.Constant(merged.pop().value + piece.value)
-            merged.append(piece)
-        node.values = [piece for piece in merged if getattr(piece, "value", None) != ""]
-    for name, value in [*vars(node).items()]:
-        empty = value in (None, []) and not isinstance(node, ast.Constant)
-        if empty or name in ("kind", "type_comment"):
-            delattr(node, name)
-
-
-def imported(source):
-    """Files of this package that a source imports, directly or through one another, sorted."""
-    found, todo = set(), [source]
-    while todo:
-        for name in _imports(todo.pop()):
-            file = paths.PACKAGE.joinpath(*name.split(".")[1:]).with_suffix(".py")
-            if file.is_file() and file not in found:
-                found.add(file)
-                todo.append(file.read_text(encoding="utf-8"))
-    return sorted(found)
-
-
-@functools.cache
-def _imports(source):
-    """Names of this package that a source imports."""
-    names = []
-    for node in _statements(ast.parse(source)):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            module = getattr(node, "module", "") or ""
-            names += [module, *(f"{module}.{alias.name}".strip(".") for alias in node.names)]
-    return [name for name in names if name.startswith("tbdcore")]
-
-
-def _statements(node):
-    """All statements of a syntax tree; expressions, which hold most of its nodes, are left out."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
-            yield child
-            yield from _statements(child)
 
 
 def table_files(frame, name, id):

@@ -10,7 +10,7 @@ algorithms see the same scenes; one worker and a hundred give the same bits.
 import contextlib
 import os
 import re
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from itertools import pairwise
 from zlib import crc32
 
@@ -19,7 +19,7 @@ import numpy as np
 from loky import ProcessPoolExecutor, cpu_count, get_reusable_executor
 from tqdm import tqdm
 
-from tbdcore.repro import paths, products
+from tbdcore.repro import reach
 from tbdcore.repro.processes import end_with_parent
 
 PURPOSES = {"truth": 0, "noise": 1, "filter": 2}
@@ -63,10 +63,9 @@ def run(trial, n, *, seed, workers=0, scheduler="", executor=None, label="trials
     for name, value, least in (("n", n, 1), ("workers", workers, 0), ("seed", seed, 0)):
         if not isinstance(value, int | np.integer) or value < least:
             raise ValueError(f"trials.run: {name} is {value!r}; give an integer, {least} or above")
-    with _executor(executor, workers, scheduler) as pool:
-        return _by_field(
-            np.concatenate, _parts(pool, _Once(partial(_chunk, trial, seed)), n, label)
-        )
+    chunk = _Once(partial(_chunk, trial, seed))
+    with _executor(executor, workers, scheduler, chunk) as pool:
+        return _by_field(np.concatenate, _parts(pool, chunk, n, label))
 
 
 def cores():
@@ -74,20 +73,27 @@ def cores():
     return cpu_count()
 
 
-def cluster(scheduler):
-    """Workers and threads of the dask cluster at an address; raises ConnectionError like run."""
+def cluster(scheduler, papers=()):
+    """Workers and threads of the dask cluster at an address; ConnectionError like run, and when a
+    worker has other sources of some papers' notebooks.
+    """
+    from tbdcore.repro import pages
+
+    code = "\n".join(map(pages.code, papers))
     with _client(scheduler) as client:
+        _same_sources(client, code, ["page", *papers])
         threads = client.nthreads()
     return len(threads), sum(threads.values())
 
 
 @contextlib.contextmanager
-def _executor(executor, workers, scheduler):
+def _executor(executor, workers, scheduler, chunk):
     """The executor to use, or None for a plain loop; one that was opened here is closed."""
     if hasattr(executor, "_client"):  # of a dask cluster
-        _same_sources(executor._client)
+        _same_sources(executor._client, *reach.of_trial(chunk.pickle))
     if executor is None and scheduler:
         with _client(scheduler) as client, client.get_executor() as pool:
+            _same_sources(client, *reach.of_trial(chunk.pickle))
             yield pool
     elif executor is not None or (workers or cores()) == 1:
         yield executor
@@ -109,8 +115,8 @@ def _life():
 
 @contextlib.contextmanager
 def _client(address):
-    """Client of the dask scheduler at an address, whose workers have the sources of this process;
-    ConnectionError when nobody answers, no worker comes soon, or one has other sources.
+    """Client of the dask scheduler at an address; ConnectionError when nobody answers or no worker
+    comes soon.
     """
     from distributed import Client
 
@@ -129,14 +135,14 @@ def _client(address):
         except TimeoutError:
             advice = f"start one: dask worker {address}"
             raise ConnectionError(f"{where}: it has no worker; {advice}") from None
-        _same_sources(client)
         yield client
 
 
-def _same_sources(client):
-    """Raise ConnectionError when a worker of a cluster has other sources than this process."""
-    ours, wrong = sources(), []
-    for worker, found in sorted(client.run(sources, on_error="return").items()):
+def _same_sources(client, code, words):
+    """Raise ConnectionError when a worker of a cluster has other sources of what is to run."""
+    ours, wrong = sources(code, words), []
+    answers = client.run(sources, code, words, on_error="return")
+    for worker, found in sorted(answers.items()):
         if not isinstance(found, dict):
             wrong.append(f"{worker} (no answer: {type(found).__name__})")
         elif names := sorted({name for name, _ in ours.items() ^ found.items()}):
@@ -146,24 +152,9 @@ def _same_sources(client):
         raise ConnectionError(f"other sources on the dask worker {', '.join(wrong)}; {advice}")
 
 
-def sources():
-    """Digests of the sources that trials run, by name: the package's modules as they were when this
-    process first read them, and the algorithm cells of the notebooks.
-    """
-    from tbdcore.repro import pages
-
-    chapters = {}
-    with contextlib.suppress(OSError):  # no repository
-        for paper in pages.notebooks():
-            cells = map(str.encode, pages.cells(paper, "algorithm"))
-            chapters[pages.path(paper).name] = products.digest(cells)
-    return _modules() | chapters
-
-
-@cache
-def _modules():
-    files = sorted(paths.PACKAGE.rglob("*.py"))
-    return {str(f.relative_to(paths.PACKAGE)): products.digest([f.read_bytes()]) for f in files}
+def sources(code, words):
+    """Digests of the sources that a trial reaches, by module; see :func:`reach.at_worker`."""
+    return reach.at_worker(code, words)
 
 
 def _shares(n, workers):
@@ -199,10 +190,10 @@ class _Once:
         return self.function(*arguments)
 
     def __reduce__(self):
-        return cloudpickle.loads, (self._pickle,)
+        return cloudpickle.loads, (self.pickle,)
 
     @cached_property
-    def _pickle(self):
+    def pickle(self):
         return cloudpickle.dumps(self.function)
 
 

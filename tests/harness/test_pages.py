@@ -349,12 +349,12 @@ def test_the_digest_follows_code_claims_rules_and_modules(repository, tmp_path, 
     seen.append(pages.digest("tiny"))
     (paths.CLAIMS / "tiny.csv").write_text(tiny.CLAIMS.replace("cheap", "dear"))
     seen.append(pages.digest("tiny"))
-    with (tmp_path / "tbdcore" / "repro" / "trials.py").open("a") as module:
-        module.write("\nextra = 1\n")
+    module = tmp_path / "tbdcore" / "repro" / "trials.py"
+    module.write_text(module.read_text().replace("SHARES = 3", "SHARES = 4"))
     seen.append(pages.digest("tiny"))
     assert len(set(seen)) == 4
-    with (tmp_path / "tbdcore" / "dynprog.py").open("a") as module:  # which it does not import
-        module.write("\nextra = 1\n")
+    with module.open("a") as file:
+        file.write("\n\ndef unused(x):\n    return x\n")
     assert pages.digest("tiny") == seen[-1]
 
 

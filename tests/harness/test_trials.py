@@ -14,9 +14,18 @@ import numpy as np
 import pytest
 import tiny
 
+from tbdcore import detection
 from tbdcore.repro import cli, trials
 
-GONE = "def sources():\n    os._exit(1)\n\n\ndef rest():"
+GONE = "def sources(code, words):\n    os._exit(1)\n\n\ndef rest():"
+DETECTS = (
+    tiny.CELLS["algorithm"]
+    + """
+
+from tbdcore import detection
+
+power = detection.from_db(3.0)"""
+)
 N = 37  # a prime: chunks of every executor end unevenly
 
 
@@ -33,6 +42,11 @@ def walk(seed, i):
     )
     steps = truth.normal(size=5).cumsum() + noise.normal(size=5)
     return Result(steps.mean() + draws.random(), steps)
+
+
+def detects():
+    """A trial that is pickled with its code, as one of a notebook is."""
+    return lambda seed, i: float(detection.from_db(float(i)))
 
 
 def fails_at(which, seed, i):
@@ -228,30 +242,41 @@ def copy_of(repository, name, file, old, new):
 
 
 CHANGED = {
-    "kernel": ("tbdcore/kalman.py", "return", "return 1.0 *", "kalman.py"),
-    "chapter": ("notebooks/01_tiny.ipynb", "import time", "import time as t", "01_tiny.ipynb"),
-    "version": ("tbdcore/__init__.py", "__version__ = ", '__version__ = "0" + ', "__init__.py"),
-    "before": ("tbdcore/repro/trials.py", "def sources():", "def other():", "no answer: Exception"),
-    "vanishes": ("tbdcore/repro/trials.py", "def sources():", GONE, "no answer: CommClosedError"),
+    "core": ("tbdcore/detection.py", "return", "return 1.0 *", "tbdcore.detection"),
+    "chapter": ("notebooks/01_tiny.ipynb", "import time", "import time as t", "tbdcore_page_tiny"),
+    "harness": ("tbdcore/repro/trials.py", "SHARES = 3", "SHARES = 4", "tbdcore.repro.trials"),
+    "before": (
+        "tbdcore/repro/trials.py",
+        "def sources(code, words):",
+        "def other():",
+        "no answer: Exception",
+    ),
+    "vanishes": (
+        "tbdcore/repro/trials.py",
+        "def sources(code, words):",
+        GONE,
+        "no answer: CommClosedError",
+    ),
 }
 
 
 def test_workers_with_other_sources_are_refused_before_anything_starts(
     repository, scheduler, capsys
 ):
-    """One has another kernel, one another chapter, one an older version of the package, one a
-    version that cannot be asked yet, and one vanishes while it is checked.
+    """One has another core, one another chapter, one another harness, one a version that cannot
+    be asked yet, and one vanishes while it is checked.
     """
     distributed = pytest.importorskip("distributed")
+    tiny.change(repository, algorithm=DETECTS)
     folders = [copy_of(repository, name, *change[:3]) for name, change in CHANGED.items()]
     with workers(scheduler, *folders):
         assert cli.main(["run", "tiny", "--scheduler", scheduler.scheduler_address]) == 3
         with (
             distributed.Client(scheduler.scheduler_address) as client,
             client.get_executor() as pool,
-            pytest.raises(ConnectionError, match="kalman.py"),
+            pytest.raises(ConnectionError, match=r"tbdcore\.detection"),
         ):
-            trials.run(walk, N, seed=3, executor=pool)
+            trials.run(detects(), N, seed=3, executor=pool)
     out, err = capsys.readouterr()
     message = err.splitlines()[-1]
     assert out == ""
@@ -263,7 +288,16 @@ def test_workers_with_other_sources_are_refused_before_anything_starts(
 def test_a_worker_with_the_same_sources_in_another_folder_is_used(repository, scheduler):
     same = copy_of(repository, "same", "notebooks/01_tiny.ipynb", "{", "{")
     with workers(scheduler, same):
-        assert trials.cluster(scheduler.scheduler_address) == (1, 1)
+        assert trials.cluster(scheduler.scheduler_address, ["tiny"]) == (1, 1)
+
+
+def test_a_worker_with_an_unused_function_more_is_used(repository, scheduler):
+    more = copy_of(repository, "more", "notebooks/01_tiny.ipynb", "{", "{")
+    with (more / "tbdcore" / "detection.py").open("a") as module:
+        module.write("\n\ndef spare(x):\n    return x\n")
+    with workers(scheduler, more):
+        ours = trials.run(detects(), 5, seed=3, scheduler=scheduler.scheduler_address)
+    np.testing.assert_array_equal(ours, trials.run(detects(), 5, seed=3, workers=1))
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -227,11 +227,11 @@ FAULTS = [
         "harness/test_cite.py::test_which_finds_a_renamed_copy_whatever_the_case_of_its_ending",
     ),
     Plant(
-        "a digest that overlooks the modules",
-        "tbdcore/repro/pages.py",
-        'parts += [products.meaning(file.read_text(encoding="utf-8")) for file in files]',
-        "parts += []",
-        "harness/test_pages.py::test_the_digest_follows_code_claims_rules_and_modules",
+        "a digest that overlooks what a definition reads",
+        "tbdcore/repro/reach.py",
+        "for chain in statement.chains if not statement.is_import else ():",
+        "for chain in ():",
+        "harness/test_reach.py::test_what_is_reached_counts_and_nothing_else",
     ),
     Plant(
         "a run that is resumed whatever its parameters",
