@@ -1,11 +1,23 @@
 """What several tests share."""
 
+import os
 import shutil
+import signal
 
 import pytest
 import tiny
 
-from tbdcore.repro import paths
+from tbdcore.repro import paths, processes
+
+
+def pytest_configure():
+    """Signals that the caller ignores (nohup) go to a handler that does nothing: unlike an ignored
+    signal it is not inherited, so that commands which tests start can be interrupted.
+    """
+    ignored = [n for n in processes.ENDING if signal.getsignal(n) == signal.SIG_IGN]
+    named = os.environ.setdefault("TESTS_IGNORE", " ".join(str(int(n)) for n in ignored))
+    for number in map(int, named.split()):  # in workers of pytest as well
+        signal.signal(number, lambda *event: None)
 
 
 @pytest.fixture

@@ -136,6 +136,7 @@ def _execute(paper, values, output, debug):
     job = json.dumps([paper, values, str(output), str(place), os.getpid()])
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
     environment = QUIET_ENVIRONMENT | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
+    environment["IPYTHONDIR"] = str(place / "ipython")  # no startup file of the user runs
     environment["PYTHONSAFEPATH"] = "1"  # no module is imported from the current folder
     if path := os.environ.get("PYTHONPATH"):  # whose first folder ipykernel drops if it is that
         environment["PYTHONPATH"] = os.pathsep.join([str(place), path])

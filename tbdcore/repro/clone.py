@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tbdcore.repro import paths
+from tbdcore.repro.processes import signals_held
 
 
 class Clone(NamedTuple):
@@ -94,7 +95,8 @@ def build(folder):
         code = "import sys; from flit_core import buildapi; "
         code += "print(*(f(sys.argv[1]) for f in (buildapi.build_wheel, buildapi.build_sdist)))"
         command = [sys.executable, "-c", code, str(folder)]
-        made = subprocess.run(command, cwd=work, capture_output=True, text=True, check=True)
+        with signals_held():
+            made = subprocess.run(command, cwd=work, capture_output=True, text=True, check=True)
     return [folder / name for name in made.stdout.split()], known
 
 
@@ -103,7 +105,8 @@ def _git(*words):
     own = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
     own |= {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
     command = ["git", "-C", str(paths.ROOT), *words]
-    done = subprocess.run(command, env=own, capture_output=True, text=True, errors="replace")
+    with signals_held():
+        done = subprocess.run(command, env=own, capture_output=True, text=True, errors="replace")
     return "" if done.returncode else done.stdout.strip()
 
 

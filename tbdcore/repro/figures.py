@@ -75,7 +75,7 @@ class Portfolio:
     def new(rows=1, cols=1, width=6.4, height=3.6, **subplots):
         """A figure in the house style and its axes (one, or an array of them); sizes in inches."""
         # for good: titles and legends are made by the caller, after this returns
-        matplotlib.rcParams.update(STYLE)
+        set_style()
         fig = Figure(figsize=(width, height))
         return fig, fig.subplots(rows, cols, **subplots)
 
@@ -223,10 +223,17 @@ def _render_copy(copy, *how):
     return render(pickle.loads(copy), *how)
 
 
+def set_style():
+    """Matplotlib's defaults, then our style: nothing of a user's matplotlibrc."""
+    matplotlib.rcdefaults()
+    matplotlib.rcParams.update(STYLE)
+
+
 def render(fig, name, id, extensions=tuple(CANVASES), dpi=STYLE["savefig.dpi"]):
     """A figure in some formats, file name -> bytes, the same bytes every time."""
     made = {}
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context():
+        set_style()
         for extension in extensions:
             buffer, canvas = io.BytesIO(), CANVASES[extension](fig)
             fig.dpi = dpi

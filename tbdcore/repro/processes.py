@@ -1,7 +1,9 @@
 """Signals that ask a command to end, and its processes, of which none outlives it.
 
-The first signal raises KeyboardInterrupt in the main thread; later ones change nothing.  Python
-loses an exception that is raised in a finalizer, so :data:`came` keeps the signals as well.
+The first signal raises KeyboardInterrupt in the main thread; later ones change nothing.  While
+:func:`call` waits for a process the handler only notes, and the loop looks: an exception inside
+``subprocess`` would leave its lock taken, and the next wait would not end.  Python loses an
+exception that is raised in a finalizer, so :data:`came` keeps the signals as well.
 """
 
 import contextlib
@@ -13,7 +15,7 @@ import time
 
 ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 GRACE_PERIOD = 2  # seconds that a process has to end before it is killed
-POLL_INTERVAL = 1.0  # seconds between two looks at a process that runs
+POLL_INTERVAL = 0.5  # seconds between two looks at a process that runs
 came = []  # signals that have asked the present command to end
 
 
@@ -62,8 +64,18 @@ def signals_held():
 def call(words, environment, log, tick):
     """Run a command in a session of its own, its output in a file; returns its exit code.
 
-    ``tick()`` is called every second.  No process that the command starts outlives this call.
+    ``tick()`` is called at every look.  No process that the command starts outlives this call,
+    which raises KeyboardInterrupt at its end when a signal has come.
     """
+    with signals_to(note):
+        code = _watched(words, environment, log, tick)
+    if came:
+        raise KeyboardInterrupt
+    return code
+
+
+def _watched(words, environment, log, tick):
+    """Start a command, look at it until it ends or a signal has come, and end all of it."""
     import psutil
 
     own, child, seen = psutil.Process(), None, set()
@@ -72,22 +84,19 @@ def call(words, environment, log, tick):
     try:
         with log.open("wb") as said:
             child = subprocess.Popen(words, stdout=said, stderr=said, **options)
-        while child.poll() is None:
-            if came:
-                raise KeyboardInterrupt
+        while child.poll() is None and not came:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 child.wait(POLL_INTERVAL)
             seen |= set(own.children(recursive=True)) - before
             tick()
         return child.returncode
     finally:
-        with signals_held():
-            seen |= set(own.children(recursive=True)) - before
-            if child:
-                child.kill()  # nbclient would take a SIGTERM for itself
-            end(seen)
-            if child:
-                child.wait()
+        seen |= set(own.children(recursive=True)) - before
+        if child:
+            child.kill()  # nbclient would take a SIGTERM for itself
+        end(seen)
+        if child:
+            child.wait()
 
 
 def end(processes):

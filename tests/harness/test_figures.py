@@ -6,6 +6,7 @@ import math
 import re
 import zlib
 
+import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
@@ -357,3 +358,23 @@ def test_published_values_stand_beside_those_of_this_run(ledger):
     ledger.verdicts.clear()
     with pytest.raises(ValueError, match="^toy: no claim judged so far 'mean'"):
         screen.this_run(ledger, {"mean": "mean"})
+
+
+def test_a_matplotlibrc_changes_no_picture():
+    """What a user's file has set when Matplotlib is loaded is undone; so are later changes."""
+
+    def picture():
+        fig, ax = figures.Portfolio.new()
+        ax.plot([1, 2, 3])
+        ax.set_title("a title")
+        return figures.render(fig, "fig1", "tiny/fig1", ("svg",))
+
+    before = picture()
+    foreign = {
+        "font.family": "serif",
+        "axes.grid": True,
+        "lines.linewidth": 5,
+        "xtick.labelsize": 22,
+    }
+    with matplotlib.rc_context(foreign):
+        assert picture() == before

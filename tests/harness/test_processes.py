@@ -104,3 +104,56 @@ def test_a_process_that_does_not_listen_is_killed(monkeypatch):
         child.stdout.readline()
         processes.end([psutil.Process(child.pid)])
         assert child.wait(timeout=60) == -9
+
+
+LATE = """
+import signal, subprocess, sys, threading
+from pathlib import Path
+
+from tbdcore.repro import processes
+
+
+class Lock:
+    \"\"\"A lock of subprocess; a signal arrives just after it was taken without waiting.\"\"\"
+
+    def __init__(self):
+        self.lock, self.sent = threading.Lock(), False
+
+    def acquire(self, *wait):
+        taken = self.lock.acquire(*wait)
+        if taken and wait == (False,) and not self.sent:
+            self.sent = True
+            signal.raise_signal(signal.SIGTERM)
+        return taken
+
+    def release(self):
+        self.lock.release()
+
+    def __enter__(self):
+        self.acquire()
+
+    def __exit__(self, *error):
+        self.release()
+
+
+class Popen(subprocess.Popen):
+    def __init__(self, *words, **options):
+        super().__init__(*words, **options)
+        self._waitpid_lock = Lock()
+
+
+subprocess.Popen = Popen
+words = [sys.executable, "-c", "import time; time.sleep(60)"]
+with processes.signals_to(processes.interrupt):
+    try:
+        processes.call(words, None, Path(sys.argv[1]), lambda: None)
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+def test_a_signal_while_subprocess_holds_its_lock_ends_the_call(tmp_path):
+    """An exception raised there would leave the lock taken, and the last wait would not end."""
+    words = [sys.executable, "-c", LATE, str(tmp_path / "log")]
+    ran = subprocess.run(words, capture_output=True, text=True, timeout=20)
+    assert ran.stdout == "interrupted\n", ran.stderr
