@@ -1,7 +1,8 @@
 """The harness around the notebooks: what turns a page into products to check, cite and make again.
 
-``cli`` reads a command, ``commands`` does it; ``pages`` finds and reads notebooks, ``batch``
-executes them in ``processes``.  In a notebook, ``run`` opens and publishes; ``trials`` computes,
+``cli`` reads a command, ``commands`` does it, ``exits`` has the codes; ``pages`` finds and reads
+notebooks, ``reach`` says which sources they have, ``batch`` executes them in ``processes``.  In a
+notebook, ``run`` opens and publishes; ``trials`` computes,
 ``claims`` judges, ``figures`` draws, ``tables`` checks, ``screen`` shows, ``products`` writes.
 ``changes`` lists rules and values that changed, ``scorecard`` and ``cite`` read the products of
 all, ``doctor`` checks the machine, ``paths`` knows the folders.

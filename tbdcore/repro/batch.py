@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tbdcore.repro import claims, pages, paths, processes, products
-from tbdcore.repro.cli import ENVIRONMENT, FAILED, GOOD
+from tbdcore.repro.exits import ENVIRONMENT, FAILED, GOOD
 
 # loky cleans up after killed workers, and says so; the debugger comments on its start
 QUIET_ENVIRONMENT = {

@@ -9,12 +9,11 @@ import argparse
 import contextlib
 import os
 import sys
-import traceback
 
 import tbdcore
 from tbdcore.repro import paths, processes
+from tbdcore.repro.exits import ENVIRONMENT, FAILED, GOOD, INTERRUPTED, USAGE, CheckFailed, report
 
-GOOD, FAILED, USAGE, ENVIRONMENT, INTERRUPTED = 0, 1, 2, 3, 130
 PAPER = {"metavar": "PAPER", "help": "name, number or notebook, as tbdcore list shows them"}
 ID = {"metavar": "PAPER[/NAME]", "help": "as tbdcore cite has it"}
 FLAG = {"action": "store_true"}
@@ -71,10 +70,6 @@ EXAMPLES = {
 }
 
 
-class CheckFailed(Exception):
-    """What a check has found, in one line."""
-
-
 CODES = {CheckFailed: FAILED, FileNotFoundError: USAGE, OSError: ENVIRONMENT, ValueError: USAGE}
 
 
@@ -125,16 +120,6 @@ def _answer(words):
         code = next((code for kind, code in CODES.items() if isinstance(error, kind)), None)
         bug = f"{type(error).__name__}: {error}; this is a bug, --debug shows where"
         return report(error if code else bug, code or FAILED, debug)
-
-
-def report(error, code, debug=False):
-    """Print an error in one line, or its traceback; returns the exit code."""
-    with contextlib.suppress(OSError):  # the terminal may be gone
-        if debug and sys.exc_info()[0]:
-            traceback.print_exc()
-        else:
-            print(f"tbdcore: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
-    return code
 
 
 @contextlib.contextmanager

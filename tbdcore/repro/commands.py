@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from tbdcore.repro import batch, changes, cite, claims, new, pages, paths, products, trials
-from tbdcore.repro.cli import ENVIRONMENT, FAILED, GOOD, INTERRUPTED, CheckFailed, report
+from tbdcore.repro.exits import ENVIRONMENT, FAILED, GOOD, INTERRUPTED, CheckFailed, report
 
 
 def run_command(arguments):

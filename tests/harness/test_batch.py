@@ -64,7 +64,9 @@ def test_resume_does_not_skip_what_is_not_done(inside, change):
         about.with_suffix(".tex").unlink()
     elif change != "a version":
         module = inside / "tbdcore" / f"{change}.py"
-        module.write_text(module.read_text(encoding="utf-8") + "CHANGED = 1\n", encoding="utf-8")
+        module.write_text(
+            module.read_text(encoding="utf-8") + "ON = print(end='')\n", encoding="utf-8"
+        )
     else:
         about.write_text(about.read_text().replace('"numpy": "', '"numpy": "0'))
     assert would_skip({}) == [False]

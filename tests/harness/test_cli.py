@@ -131,7 +131,7 @@ def test_an_unreachable_scheduler_is_the_environments_fault(repository, capsys, 
 
 def test_a_run_says_what_cluster_it_found(repository, capsys, monkeypatch):
     """What it counts is in test_trials."""
-    monkeypatch.setattr(trials, "cluster", lambda address: (2, 6))
+    monkeypatch.setattr(trials, "cluster", lambda address, papers: (2, 6))
     monkeypatch.setattr(batch, "run", lambda *given, **options: DONE)
     assert cli.main(["run", "tiny", "--scheduler", "tcp://host:8786"]) == 0
     assert capsys.readouterr().out == "scheduler tcp://host:8786: workers 2, threads 6\n"
