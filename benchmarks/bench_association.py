@@ -16,7 +16,8 @@ import numpy as np
 
 import tbdcore
 from benchmarks.timing import Row, best
-from tbdcore import association, detection, kalman, motion
+from tbdcore import motion
+from tbdcore.kernels import ljipda_ai
 from tests.kernels.peer_jpda import our_marginals, peer_marginals, scan
 
 PEER = "Stone Soup JPDA"
@@ -35,14 +36,14 @@ def numpy_trial(z, p, x, P, F, amplitude):
     existence, detect = np.full(3, p.p_start), np.full(3, p.p_detect * p.p_gate)
     for k in range(1, p.frames):
         scan = slice(z.first[k], z.first[k + 1])
-        x, P = kalman.predict_tracks_spec(x, P, F[k - 1], Q)
-        zhat, _, D = kalman.gate_tracks_spec(x, P, p.sigma_r**2, var_a)
-        meas, log_p = association.gate_spec(z.z[scan], zhat, D, p.gamma, p.p_gate)
-        log_a = detection.amplitude_ratio_spec(z.u[scan][meas], amplitude)
-        beta, existence = association.ljipda_spec(
+        x, P = ljipda_ai.predict_tracks_spec(x, P, F[k - 1], Q)
+        zhat, _, D = ljipda_ai.gate_tracks_spec(x, P, p.sigma_r**2, var_a)
+        meas, log_p = ljipda_ai.gate_spec(z.z[scan], zhat, D, p.gamma, p.p_gate)
+        log_a = ljipda_ai.amplitude_ratio_spec(z.u[scan][meas], amplitude)
+        beta, existence = ljipda_ai.ljipda_spec(
             log_p - math.log(p.clutter), log_a, p.p11 * existence, detect
         )
-        x, P = kalman.update_mixture_spec(x, P, D, z.z[scan][meas], beta)
+        x, P = ljipda_ai.update_mixture_spec(x, P, D, z.z[scan][meas], beta)
     return x
 
 
@@ -75,34 +76,34 @@ def rows():
     yield Row(
         "association.jipda",
         "10 tracks share 12 plots",
-        best(association.jipda, *scene(10, 12)),
+        best(ljipda_ai.jipda, *scene(10, 12)),
         asked_seconds=1e-3,
     )
     small = scene(4, 6)
     yield Row(
         "association.jipda",
         "4 tracks, 6 plots",
-        best(association.jipda, *small),
-        best(association.jipda_spec, *small, repeat=2),
+        best(ljipda_ai.jipda, *small),
+        best(ljipda_ai.jipda_spec, *small, repeat=2),
     )
     yield from peer_rows()
     for T in range(2, 11, 2):
         args = np.zeros((T, T + 2)), *scene(T, T + 2)[1:]
-        listed = best(association.jipda_spec, *args, repeat=1) if T <= 4 else None
+        listed = best(ljipda_ai.jipda_spec, *args, repeat=1) if T <= 4 else None
         yield Row(
             "association.jipda",
             f"{T} tracks share {T + 2} plots",
-            best(association.jipda, *args),
+            best(ljipda_ai.jipda, *args),
             listed,
         )
         linear = args[0], *args
         yield Row(
             "association.ljipda",
             f"{T} tracks share {T + 2} plots",
-            best(association.ljipda, *linear),
+            best(ljipda_ai.ljipda, *linear),
         )
     for name in ("ipda", "visibility", "modulated_log_ratio", "prior_odds"):
-        kernel, spec = getattr(association, name), getattr(association, f"{name}_spec")
+        kernel, spec = getattr(ljipda_ai, name), getattr(ljipda_ai, f"{name}_spec")
         yield Row(
             f"association.{name}",
             "10 tracks share 12 plots",
@@ -114,8 +115,8 @@ def rows():
     yield Row(
         "association.ljipda",
         "10 tracks share 12 plots",
-        best(association.ljipda, *args),
-        best(association.ljipda_spec, *args),
+        best(ljipda_ai.ljipda, *args),
+        best(ljipda_ai.ljipda_spec, *args),
     )
     yield from trial_rows()
 

@@ -14,25 +14,25 @@ import numpy as np
 from scipy import ndimage
 
 from benchmarks.timing import Row, best, loop
-from tbdcore import dynprog
+from tbdcore.kernels import dp_tbd
 
 K, GRID, M = 11, (50, 50), 3
 EQUAL = np.array([0.95, 1.0, 0.95])
 LITERAL = np.array([[0.95 ** (abs(m - r) + abs(r)) for r in (-1, 0, 1)] for m in (-1, 0, 1)])
 SPEEDS = (1 - M, M)
 SETS = {  # transition, looks per state and frame
-    "conventional": (dynprog.box_transition(np.ones(2 * M + 1), (0, 0), M), 12),
-    "Tonissen": (dynprog.box_transition([0, 1, 1], SPEEDS, M + 1), 4),
-    "weighted": (dynprog.weighted_transition(EQUAL, EQUAL, SPEEDS, M + 1), 12),
-    "weighted, literal": (dynprog.coupled_transition(LITERAL, SPEEDS, M + 1), 18),
-    "penalised": (dynprog.penalised_transition(1 - EQUAL, 1 - EQUAL, SPEEDS, M + 1), 12),
+    "conventional": (dp_tbd.box_transition(np.ones(2 * M + 1), (0, 0), M), 12),
+    "Tonissen": (dp_tbd.box_transition([0, 1, 1], SPEEDS, M + 1), 4),
+    "weighted": (dp_tbd.weighted_transition(EQUAL, EQUAL, SPEEDS, M + 1), 12),
+    "weighted, literal": (dp_tbd.coupled_transition(LITERAL, SPEEDS, M + 1), 18),
+    "penalised": (dp_tbd.penalised_transition(1 - EQUAL, 1 - EQUAL, SPEEDS, M + 1), 12),
 }
 ASKED = {"conventional": 60e-6, "Tonissen": 1.3e-3, "weighted": 3e-3}  # seconds of a whole trial
 
 
 def trial(frames, forward, path, transition):
     """One trial: margin, forward pass, largest final state, path."""
-    I = forward(dynprog.margin(frames, transition.setting[0]), transition).values
+    I = forward(dp_tbd.margin(frames, transition.setting[0]), transition).values
     return path(I, np.unravel_index(I[-1].argmax(), I[-1].shape), transition)
 
 
@@ -47,7 +47,7 @@ def seconds_per_look():
 @loop
 def repeated_maximum(out, looked, times):
     for _ in range(times):
-        dynprog._largest(out, 0, looked, (0, 800, 1600), 800, out[:0], 0)
+        dp_tbd._largest(out, 0, looked, (0, 800, 1600), 800, out[:0], 0)
 
 
 def filters(z):
@@ -62,8 +62,8 @@ def rows():
     frames = np.random.default_rng(1).normal(size=(K, *GRID))
     look = seconds_per_look()
     for name, (transition, looks) in SETS.items():
-        seconds = best(trial, frames, dynprog.forward, dynprog.path, transition)
-        plain = dynprog.forward_spec, dynprog.path_spec
+        seconds = best(trial, frames, dp_tbd.forward, dp_tbd.path, transition)
+        plain = dp_tbd.forward_spec, dp_tbd.path_spec
         spec = best(trial, frames, *plain, transition, repeat=1)
         _, lowest, highest = transition.setting[:3]
         states = (highest - lowest + 1) ** 2 * GRID[0] * GRID[1]

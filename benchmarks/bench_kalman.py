@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.timing import Row, best, loop
 from tbdcore import kalman
+from tbdcore.kernels import track_cfar
 
 X, P = np.array([7e4, 350.0, 7e4, 350.0]), np.diag([1e4, 400.0, 1e4, 400.0])
 Z1, Z2, VAR = np.array([9.5e4, 0.785]), np.array([1e5, 0.786]), (11.0, 6e-7)
@@ -45,7 +46,7 @@ def many_two_point(z1, z2, var1, var2, T):
 @loop
 def many_predict_cv(x, P, T, q):
     for _ in range(CALLS):
-        kalman.predict_cv(x, P, T, q)
+        track_cfar.predict_cv(x, P, T, q)
 
 
 @loop
@@ -53,14 +54,14 @@ def many_gate_polar(x, P, var_r, var_a):
     total = 0.0
     for _ in range(CALLS):
         x[0] += 1.0
-        total += kalman.gate_polar(x, P, var_r, var_a)[4]
+        total += track_cfar.gate_polar(x, P, var_r, var_a)[4]
     return total
 
 
 @loop
 def many_update_polar(x, P, y_r, y_a, var_r, var_a):
     for _ in range(CALLS):
-        kalman.update_polar(x, P, y_r, y_a, var_r, var_a)
+        track_cfar.update_polar(x, P, y_r, y_a, var_r, var_a)
 
 
 def fresh(arguments):

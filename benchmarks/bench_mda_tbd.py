@@ -16,9 +16,10 @@ import numpy as np
 
 import tbdcore
 from benchmarks.timing import Row, best
-from tbdcore import kernel, particles, sensor
+from tbdcore import kernel
+from tbdcore.kernels import mda_tbd
 
-TRUE = sensor.Spread(1.44, 1460 * np.radians(0.5) ** 2, 2, 6)
+TRUE = mda_tbd.Spread(1.44, 1460 * np.radians(0.5) ** 2, 2, 6)
 
 
 def numpy_log_ratio(z, rho, alpha, snr, spread):
@@ -71,28 +72,28 @@ def rows():
         np.full(8000, 4.0),
     )
     assert np.allclose(
-        sensor.power_log_ratio(z, rho, alpha, snr, TRUE),
+        mda_tbd.power_log_ratio(z, rho, alpha, snr, TRUE),
         numpy_log_ratio(z, rho, alpha, snr, TRUE),
         rtol=1e-9,
     )
     few = rho[:100], alpha[:100], snr[:100]
     ours, limit = (
-        best(sensor.power_log_ratio, z, rho, alpha, snr, TRUE),
+        best(mda_tbd.power_log_ratio, z, rho, alpha, snr, TRUE),
         best(read_and_divide, z, rho, alpha, TRUE),
     )
     peer = best(numpy_log_ratio, z, rho, alpha, snr, TRUE, repeat=3)
-    spec = 80 * best(sensor.power_log_ratio_spec, z, *few, TRUE, repeat=2)
+    spec = 80 * best(mda_tbd.power_log_ratio_spec, z, *few, TRUE, repeat=2)
     yield Row(
         "sensor.power_log_ratio", "8000 particles, 5 x 13 cells", ours, spec, limit, "NumPy", peer
     )
     fit, fit_spec = (
-        best(sensor.patch_fit, z, rho, alpha, TRUE),
-        80 * best(sensor.patch_fit_spec, z, *few[:2], TRUE, repeat=2),
+        best(mda_tbd.patch_fit, z, rho, alpha, TRUE),
+        80 * best(mda_tbd.patch_fit_spec, z, *few[:2], TRUE, repeat=2),
     )
     yield Row("sensor.patch_fit", "8000 particles, 5 x 13 cells", fit, fit_spec)
     cell, cell_spec = (
-        best(sensor.cell_power, z, rho, alpha),
-        80 * best(sensor.cell_power_spec, z, *few[:2], repeat=2),
+        best(mda_tbd.cell_power, z, rho, alpha),
+        80 * best(mda_tbd.cell_power_spec, z, *few[:2], repeat=2),
     )
     yield Row("sensor.cell_power", "8000 particles", cell, cell_spec)
     H, age, ancestors = (
@@ -101,7 +102,7 @@ def rows():
         np.sort(rng.integers(0, 8000, 6000)),
     )
     moved, moved_spec = (
-        best(f, H, age, ancestors, 2000) for f in (particles.inherit, particles.inherit_spec)
+        best(f, H, age, ancestors, 2000) for f in (mda_tbd.inherit, mda_tbd.inherit_spec)
     )
     yield Row("particles.inherit", "8 frames, 6000 of 8000 particles", moved, moved_spec)
     page = tbdcore.page("mda_tbd")
@@ -110,7 +111,7 @@ def rows():
         "mainstream": page.Scenario(source="state"),
     }.items():
         fast = best(whole_trial, page, p, repeat=3)
-        with mock.patch.object(sensor, "power_log_ratio", numpy_log_ratio):
+        with mock.patch.object(mda_tbd, "power_log_ratio", numpy_log_ratio):
             slow = best(whole_trial, page, replace(p), repeat=1)
         yield Row(
             f"trial, {name}",

@@ -15,10 +15,11 @@ import numpy as np
 
 import tbdcore
 from benchmarks.timing import Row, best
-from tbdcore import motion, particles, sensor
+from tbdcore import motion, particles
+from tbdcore.kernels import mm_pf_tbd
 
 N, PI = 4000, np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
-PEAK, BLUR, NOISE = sensor.blob_peak(18.0, 0.6), 0.6, 2.3
+PEAK, BLUR, NOISE = mm_pf_tbd.blob_peak(18.0, 0.6), 0.6, 2.3
 
 
 def log_ratio(z, S, r, peak, blur, noise):
@@ -71,9 +72,9 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
 NUMPY = {
     "blob_log_ratio": log_ratio,
     "transition": transition,
-    "box_states": motion.box_states_spec,
+    "box_states": mm_pf_tbd.box_states_spec,
     "systematic": particles.systematic_spec,
-    "copy_particles": particles.copy_particles_spec,
+    "copy_particles": mm_pf_tbd.copy_particles_spec,
 }
 OF_MOTION = {name: function for name, function in NUMPY.items() if hasattr(motion, name)}
 OF_PARTICLES = {name: function for name, function in NUMPY.items() if hasattr(particles, name)}
@@ -91,16 +92,20 @@ def kernels():
     """The kernels, their specifications and arguments."""
     rng, S, r, z = cloud()
     u, a, omegas = rng.random(N), rng.normal(0.0, 0.1, (N, 2)), np.array([[-0.4, -0.2], [0.2, 0.4]])
-    lw = sensor.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE)
+    lw = mm_pf_tbd.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE)
     W, _ = particles.normalise(lw)
     low, width = np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 4.0])
-    yield sensor.blob_log_ratio, sensor.blob_log_ratio_spec, (z, S, r, PEAK, BLUR, NOISE)
-    yield motion.transition, motion.transition_spec, (r, S.copy(), PI, 1.0, u, a, omegas, True)
-    yield motion.box_states, motion.box_states_spec, (rng.random((5, N)), low, width, omegas)
+    yield mm_pf_tbd.blob_log_ratio, mm_pf_tbd.blob_log_ratio_spec, (z, S, r, PEAK, BLUR, NOISE)
+    yield (
+        mm_pf_tbd.transition,
+        mm_pf_tbd.transition_spec,
+        (r, S.copy(), PI, 1.0, u, a, omegas, True),
+    )
+    yield mm_pf_tbd.box_states, mm_pf_tbd.box_states_spec, (rng.random((5, N)), low, width, omegas)
     yield particles.systematic, particles.systematic_spec, (W, N // 2, 0.3)
     yield (
-        particles.copy_particles,
-        particles.copy_particles_spec,
+        mm_pf_tbd.copy_particles,
+        mm_pf_tbd.copy_particles_spec,
         (r, S, particles.systematic(W, N // 2, 0.3)),
     )
 

@@ -9,7 +9,8 @@ for each particle.
 import numpy as np
 
 from benchmarks.timing import Row, best
-from tbdcore import detection, kalman, motion, sensor
+from tbdcore import detection, kalman, motion
+from tbdcore.kernels import ljipda_ai, mda_tbd
 
 
 def rows():
@@ -28,9 +29,9 @@ def rows():
         np.stack([motion.cv(1.0)] * 3),
         motion.step_acceleration(1.0, 1.0),
     )
-    D, weights = kalman.gate_tracks(x, P, 400.0, 1e-7)[2], rng.dirichlet(np.ones(6), 3)
+    D, weights = ljipda_ai.gate_tracks(x, P, 400.0, 1e-7)[2], rng.dirichlet(np.ones(6), 3)
     place, z = 10.0 + rng.random((2, 50)), rng.standard_exponential((20, 20))
-    patch = z, *place, np.full(50, 4.0), sensor.Spread(1.44, 0.11, 2, 6)
+    patch = z, *place, np.full(50, 4.0), mda_tbd.Spread(1.44, 0.11, 2, 6)
     gate = 0.01, (0.3, 0.8), (250010.0, -1.3), (900.0, 0.11), (150.0, 0.0349), 0.02, 0
     work = {
         "amplitude_ratio": (
@@ -46,7 +47,7 @@ def rows():
             "3 tracks, 5 plots",
             (x, P, D, x[:1, ::2] + 50.0 * rng.normal(size=(5, 2)), weights),
         ),
-        "coherent_log_ratio": (sensor, "50 particles, 5 x 13 cells", patch),
+        "coherent_log_ratio": (mda_tbd, "50 particles, 5 x 13 cells", patch),
     }
     for name, (module, about, arguments) in work.items():
         kernel, spec = getattr(module, name), getattr(module, f"{name}_spec")

@@ -16,7 +16,8 @@ import numpy as np
 
 import tbdcore
 from benchmarks.timing import Row, best
-from tbdcore import detection, kalman, motion
+from tbdcore import kalman, motion
+from tbdcore.kernels import track_cfar
 from tbdcore.repro import trials
 
 FLIGHTS, SLOW = 1000, 10  # flights of a timing; of one by Python objects
@@ -40,7 +41,7 @@ def start(plots, var, d):
 def false_plots(u, v, zhat, half, P_f, d):
     """All false plots of one gate, as residuals (m, 2)."""
     found = []
-    while (plot := detection.false_plot(u, v, zhat, half, d.cell, P_f, len(found)))[0]:
+    while (plot := track_cfar.false_plot(u, v, zhat, half, d.cell, P_f, len(found)))[0]:
         found.append(plot[1:])
     return np.reshape(found, (-1, 2))
 

@@ -31,7 +31,7 @@ import pandas as pd
 
 import tbdcore
 from benchmarks import mda_map
-from tbdcore import score, sensor
+from tbdcore.kernels import mda_tbd
 from tbdcore.repro import paths, products, trials
 
 N, FEW, SEED, CUT, LATE = 30, 10, 20, 200.0, slice(150, None)
@@ -62,12 +62,12 @@ def flown(cases, seed, i):
     page, found = tbdcore.page("mda_tbd"), []
     draws = partial(trials.generator, seed, "mda_tbd", "scenes", i)
     rng, p0 = draws("noise"), cases[0]
-    empty = sensor.noise_power((p0.scans, *p0.grid[4:]), rng)
+    empty = mda_tbd.noise_power((p0.scans, *p0.grid[4:]), rng)
     scenes = {R: page.simulate(replace(p0, R=R), draws("truth"), deepcopy(rng), empty)
               for R in sorted({p.R for p in cases})}  # fmt: skip
     for p in cases:
         track, path = page.recursion(scenes[p.R], p, draws("filter")), page.target(p)
-        ospa = score.ospa_bernoulli(track.x[:, ::2], track.existence, path[:, ::2], CUT)
+        ospa = mda_tbd.ospa_bernoulli(track.x[:, ::2], track.existence, path[:, ::2], CUT)
         found.append((track.existence, ospa, track.P))
     return np.array(found)
 
@@ -118,8 +118,8 @@ def plain_trial(name, powers, seed, i):
     p, base = plain(page)[name], page.Scenario()
     draws = partial(trials.generator, seed, "mda_tbd")
     shape, hiss = (base.scans, *base.grid[4:]), draws("scenes", i, "noise")
-    noise = sensor.noise_power(shape, hiss)
-    empty = sensor.noise_power(shape, draws("empty", i, "noise")) * base.noise
+    noise = mda_tbd.noise_power(shape, hiss)
+    empty = mda_tbd.noise_power(shape, draws("empty", i, "noise")) * base.noise
     quiet = page.recursion(empty, p, draws("empty", i, "filter")).existence
     for R in powers:
         scene = replace(base, R=R)
@@ -200,7 +200,7 @@ def paths_trial(p, seed, i):
     """Number of frames, and shares: of the cells read, of the samples, put out then, put out."""
     page, draws = tbdcore.page("mda_tbd"), partial(trials.generator, seed, "mda_tbd", "scenes", i)
     data, own = page.simulate(p, draws("truth"), draws("noise")), draws("filter")
-    spot = sensor.polar_cells(*page.target(p)[:, ::2].T, p.grid)
+    spot = mda_tbd.polar_cells(*page.target(p)[:, ::2].T, p.grid)
     state, found, P = page.start(p, own), [], []
     for k, scan in enumerate(data):
         state, estimate = page.update(state, scan / p.noise, p, own)
@@ -242,7 +242,7 @@ def starts_trial(seed, i):
         draws = partial(trials.generator, seed, "mda_tbd", "scenes", j)
         if j not in noises:
             rng = draws("noise")
-            noises[j] = sensor.noise_power((p.scans, *p.grid[4:]), rng), rng
+            noises[j] = mda_tbd.noise_power((p.scans, *p.grid[4:]), rng), rng
         z = page.simulate(p, draws("truth"), deepcopy(noises[j][1]), noises[j][0])
         found.append(page.recursion(z[:60], p, draws("filter")).existence)
     return np.array(found)

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 import tbdcore
-from tbdcore import score
+from tbdcore.kernels import mda_tbd
 from tbdcore.repro import claims, paths, products, trials
 
 N, SEED = 30, 46
@@ -88,7 +88,7 @@ def trial(cases, seed, i):
             rng.bit_generator.state = state
         truth, noise, own = streams
         track, path = page.recursion(page.simulate(p, truth, noise), p, own), page.target(p)
-        ospa = score.ospa_bernoulli(track.x[:, ::2], track.existence, path[:, ::2], 200.0)
+        ospa = mda_tbd.ospa_bernoulli(track.x[:, ::2], track.existence, path[:, ::2], 200.0)
         found.append((track.existence, ospa, track.P))
     return np.array(found)
 

@@ -22,7 +22,8 @@ import numpy as np
 from scipy import stats
 
 import tbdcore
-from tbdcore import misfit, motion, noise, recording
+from tbdcore import motion, noise, recording
+from tbdcore.recording import misfit
 
 SHAPES = {
     "01": ("gaussian", (11, 50, 50)),

@@ -32,14 +32,14 @@ def track(alg, plots, s, level, indicator, sharing):
         near = slice(plots.first[k], plots.first[k + 1])
         far = alg.far_plots(zhat, S, gamma, plots.sea, k)
         z, u = np.concatenate((plots.z[near], far[:, :2])), np.append(plots.u[near], far[:, 2])
-        meas, log_p = alg.association.gate(z, zhat, S, gamma, p_gate)
-        loud = alg.detection.amplitude_ratio(u[meas], snr)
+        meas, log_p = alg.ljipda_ai.gate(z, zhat, S, gamma, p_gate)
+        loud = alg.ljipda_ai.amplitude_ratio(u[meas], snr)
         if indicator:
             ratio = log_p - math.log(clutter)
             loud = loud * alg.indicator_of(getattr(alg, indicator), ratio, existence, detect)
         how = getattr(alg, sharing)
         beta, existence = alg.weigh(log_p, loud, S, existence, sensor, detect, how)
-        x, P = alg.kalman.update_mixture(x, P, S, z[meas], beta)
+        x, P = alg.ljipda_ai.update_mixture(x, P, S, z[meas], beta)
         states.append(x)
     return np.array(states)
 

@@ -1,9 +1,10 @@
 """The numerical core of five reproduced radar papers.
 
-A notebook under ``notebooks/`` derives one paper and shows its algorithm.  Textbook formulas,
-compiled loops and what two notebooks share are here: ``motion`` ``sensor`` ``detection``
-``particles`` ``kalman`` ``association`` ``dynprog`` ``score``, and ``checks`` for their arguments.
-They need numpy, scipy and numba; ``begin`` and ``page`` load the harness, ``tbdcore.repro``.
+A notebook under ``notebooks/`` derives one paper and shows its algorithm.  What two papers use is
+in the modules here, such as ``motion``, ``kalman``, ``detection`` and ``particles``, and ``checks``
+for their arguments.  The compiled loops of one paper are in ``kernels``, a module a paper, and what
+one's own data need in ``recording``.  All need numpy, scipy and numba; ``begin`` and ``page`` load
+the harness, ``tbdcore.repro``.
 
 ``kernel`` decorates every compiled loop: Numba's ``njit`` with a disk cache and NumPy's division.
 No ``fastmath``, no threads: a sum has the same bits for every number of workers, and on another
@@ -16,7 +17,7 @@ from pkgutil import iter_modules
 from tbdcore.jit import kernel
 
 __version__ = "1.0.0"
-_MODULES = [it.name for it in iter_modules(__path__) if not it.ispkg and it.name[0] != "_"]
+_MODULES = [it.name for it in iter_modules(__path__) if it.name[0] != "_" and it.name != "repro"]
 __all__ = ["begin", "kernel", "page", *_MODULES]
 
 

@@ -26,8 +26,7 @@ import numpy as np
 from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, checked
 from tbdcore.jit import kernel
 
-__all__ = ["copy_particles", "existence_predict", "existence_update", "inherit", "normalise"]
-__all__ += ["systematic"]
+__all__ = ["existence_predict", "existence_update", "normalise", "systematic"]
 
 Probability = Annotated[float, Number(0.0, 1.0 + 1e-9)]  # sums of probabilities round
 Ancestors = Annotated[ArrayLike, Integers("M")]
@@ -124,77 +123,3 @@ def _arrows(W, total, M, u):
             m -= 1
         passed[m] += 1
     return np.cumsum(passed[:M])
-
-
-def copy_particles_spec(r, S, ancestors):
-    """Specification of :func:`copy_particles`: fancy indices, masks and means."""
-    r, S = r[ancestors], S[ancestors]
-    mean = S[r > 0].mean(axis=0) if r.any() else np.full(S.shape[1], np.nan)
-    return r, S, np.bincount(r, minlength=3), mean
-
-
-@checked
-@kernel
-def copy_particles(
-    r: Annotated[ArrayLike, Integers("N")],
-    S: Annotated[ArrayLike, Numbers("N", "d", low=None)],
-    ancestors: Ancestors,
-) -> tuple[Array, Array, Array, Array]:
-    """Copies of the ancestors (M,); r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states.
-
-    Returns regimes (M,), states (M, d), the number in each regime (3,), and the mean state (d,) of
-    those present, NaN if none is: equations (11) and (12) of Miao and Chen.
-    """
-    M, d = ancestors.size, S.shape[1]
-    regimes, states = np.empty(M, r.dtype), np.empty((M, d))
-    counts, total = np.zeros(3, np.int64), np.zeros(d)
-    for m in range(M):
-        n = np.uint64(ancestors[m])  # unsigned: a negative one is too large, no index from the end
-        if not (n < np.uint64(r.size) and 0 <= r[n] <= 2):
-            raise ValueError("particles: regimes r must be 0, 1 or 2, ancestors 0 to N - 1")
-        a = regimes[m] = r[n]
-        counts[a] += 1
-        for i in range(d):
-            v = states[m, i] = S[n, i]
-            total[i] += v if a > 0 else 0.0
-    return regimes, states, counts, total / (M - counts[0])
-
-
-# Ancestors' history: what was read along a particle's past in the last `window` frames, in
-# H (window, s, N), s samples a frame.  Frame k is in row k mod window, whatever a particle's age.
-
-
-def inherit_spec(H, age, ancestors, births):
-    """Specification of :func:`inherit`: fancy indices, and zeros behind them."""
-    return tuple(
-        np.concatenate((a[..., ancestors], np.zeros((*a.shape[:-1], births), a.dtype)), axis=-1)
-        for a in (H, age)
-    )
-
-
-@checked
-@kernel
-def inherit(
-    H: Annotated[ArrayLike, Numbers("window", "s", "N", low=None)],
-    age: Annotated[ArrayLike, Integers("N")],
-    ancestors: Ancestors,
-    births: Annotated[int, Integer(0)],
-) -> tuple[Array, Array]:
-    """History and age after resampling: those of the ancestors (M,), then those of new particles.
-
-    H : (window, s, N), s samples a frame; age : (N,) frames recorded since birth; births : number
-    of particles without a history.  Returns new arrays, (window, s, M + births) and (M + births,).
-    """
-    M, size = ancestors.size, ancestors.size + births
-    moved, older = np.empty((H.shape[0], H.shape[1], size)), np.zeros(size, age.dtype)
-    for m in range(M):
-        if not 0 <= ancestors[m] < age.size:
-            raise ValueError("particles.inherit: ancestors must be 0 to N - 1")
-        older[m] = age[np.uint64(ancestors[m])]  # unsigned: no test for an index from the end
-    for i in range(H.shape[0]):
-        for j in range(H.shape[1]):
-            old, new = H[i, j], moved[i, j]
-            for m in range(M):
-                new[m] = old[np.uint64(ancestors[m])]
-            new[M:] = 0.0
-    return moved, older

@@ -4,9 +4,7 @@
 **Crossings.**  The abscissa at which a curve passes a level: ``crossing`` interpolates linearly
 around the *last downward* passage (a noisy curve may touch the level earlier), ``crossings`` for
 each of many curves.  **Lost tracks.**  ``loss_onsets`` says when a track was lost under a stated
-rule, ``kept_rmse`` what the error of the others is, with the influence of each trial on it, from
-which paired differences get their errors.  **Sets.**  ``ospa`` is the distance between two finite
-sets.  **Columns.**  ``column_test`` compares a table's column.
+rule.  **Sets.**  ``ospa`` is the distance between two finite sets.
 
 All raise ValueError for shapes that do not fit and for values out of range; NaN is valid only where
 it is said.
@@ -16,27 +14,17 @@ import math
 from typing import Annotated
 
 import numpy as np
-from scipy.special import chdtrc
 
 from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, checked
 
-__all__ = ["Z99", "column_test", "crossing", "crossings", "kept_rmse", "loss_onsets", "ospa"]
-__all__ += ["ospa_bernoulli", "proportion"]
-
-
-class Flags(Numbers):
-    """Rule: an array of True and False."""
-
-    dtype, kinds, wanted = np.dtype(bool), "b", "True or False"
+__all__ = ["Z99", "crossing", "crossings", "loss_onsets", "ospa", "proportion"]
 
 
 Count = Annotated[ArrayLike, Numbers(..., low=0.0)]
 Abscissas = Annotated[ArrayLike, Numbers("m", low=-1e300, high=1e300)]
 Level = Annotated[float, Number(-1e300, 1e300)]
 Points = Annotated[ArrayLike, Numbers(...)]
-Maybe = Annotated[ArrayLike, Numbers(..., "d", low=None)]
 Positive = Annotated[float, Number(np.finfo(float).tiny)]
-Column = Annotated[ArrayLike, Numbers("r")]
 Z99 = 2.5758293035489004  # half width of a 99 % normal interval
 
 
@@ -115,30 +103,6 @@ def ospa(X: Points, Y: Points, c: Positive, p: Annotated[float, Number(1.0)]) ->
 
 
 @checked
-def ospa_bernoulli(
-    x: Maybe,
-    existence: Annotated[ArrayLike, Numbers(...)],
-    truth: Maybe,
-    c: Positive,
-    threshold: Annotated[float, Number()] = 0.5,
-) -> Array:
-    """OSPA (...,) of at most one estimate and one target; every order p gives the same number.
-
-    x : (..., d) estimates, none (or NaN) where existence (...,) is at or below the threshold
-    truth : (..., d), NaN for no target
-    """
-    if x.shape != truth.shape or x.shape[:-1] != existence.shape:
-        words = f"x {x.shape}, existence {existence.shape}, truth {truth.shape}"
-        raise ValueError(f"score.ospa_bernoulli: {words}; give (..., d), (...,), (..., d)")
-    declared, present = existence > threshold, ~np.isnan(truth[..., 0])
-    with np.errstate(over="ignore", invalid="ignore"):
-        distance = np.minimum(np.sqrt(np.sum(np.square(x - truth), axis=-1)), c)
-    if np.isnan(distance[declared & present]).any():
-        raise ValueError("score.ospa_bernoulli: a declared x or its target has a NaN; remove it")
-    return np.where(declared & present, distance, np.where(declared | present, float(c), 0.0))
-
-
-@checked
 def loss_onsets(
     error: Annotated[ArrayLike, Numbers(..., "K", "T", 2, low=-np.inf, high=np.inf)],
     distance: Positive,
@@ -156,47 +120,3 @@ def loss_onsets(
         return np.full((*far.shape[:-2], far.shape[-1]), far.shape[-2])
     running = np.all(np.lib.stride_tricks.sliding_window_view(far, scans, axis=-2), axis=-1)
     return np.where(running.any(axis=-2), running.argmax(axis=-2), far.shape[-2])
-
-
-@checked
-def kept_rmse(
-    error: Annotated[ArrayLike, Numbers("n", "K", "T", 2, low=None)],
-    kept: Annotated[ArrayLike, Flags("n", "T", low=None)],
-) -> tuple[Array, Array]:
-    """RMSE (K, T, 2) over the trials that kept a track, NaN without one, and its influences.
-
-    `error` (n, K, T, 2), NaN where lost; `kept` (n, T) bool.  The influence (n, K, T, 2) is that of
-    each trial: its standard deviation over sqrt(n) is the standard error, also of means and paired
-    differences.
-    """
-    if not len(kept):
-        raise ValueError("score.kept_rmse: error and kept have no trial; give one at least")
-    with np.errstate(invalid="ignore", divide="ignore"):
-        weight = (kept / kept.mean(axis=0))[:, None, :, None]
-        square = np.where(kept[:, None, :, None], weight * np.square(error), 0.0)
-        mean = np.where(kept.any(axis=0)[:, None], square.mean(axis=0), np.nan)
-        return np.sqrt(mean), (square - weight * mean) / (2 * np.sqrt(mean))
-
-
-@checked
-def column_test(
-    measured: Column,
-    printed: Column,
-    covariance: Annotated[ArrayLike, Numbers("r", "r")],
-    ratio: Annotated[float, Number(0.0)],
-    half: Annotated[float, Number(0.0)] = 0.0,
-) -> tuple[float, float, float, float]:
-    """Whether a table's column agrees with ours as a whole: mean difference, its error, z, and p.
-
-    measured, printed : (r,); covariance : (r, r) of our values; ratio : our number of trials over
-    the paper's; half : half of the last printed digit.  The mean difference tests for a common
-    shift; p is that of d' C**-1 d, chi-square with r degrees of freedom.
-    """
-    d = measured - printed
-    C = covariance * (1.0 + ratio) + np.eye(d.size) * half**2 / 3.0
-    try:
-        p = float(chdtrc(d.size, d @ np.linalg.solve(C, d)))
-    except np.linalg.LinAlgError:
-        raise ValueError("score.column_test: covariance is singular; leave a row out") from None
-    shift, se = float(d.mean()), float(np.sqrt(C.sum())) / d.size
-    return shift, se, shift / se, p

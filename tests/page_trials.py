@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import tbdcore
-from tbdcore import sensor
+from tbdcore.kernels import dp_tbd as kernels
 from tbdcore.repro import trials
 
 SEED = 7
@@ -26,7 +26,7 @@ def dp_tbd(seed, i):
     p = page.Scenario()
     cells = page.truth(0.2, page.first_state(p, truth), p, truth)[1]
     frames = noise.standard_normal((p.K, *p.grid), dtype=np.float32)
-    z = sensor.point_frames(frames, cells, sensor.point_amplitude(9.0))
+    z = kernels.point_frames(frames, cells, kernels.point_amplitude(9.0))
     tracks = page.best_tracks(z, p)
     return np.array([t.cells for t in tracks]), np.array([t.value for t in tracks])
 

@@ -15,7 +15,7 @@ import jupyter_client.kernelspec
 import numpy as np
 from packaging.requirements import Requirement
 
-from tbdcore import kalman
+from tbdcore.kernels import track_cfar
 from tbdcore.repro import paths, trials
 
 NAMES = "doctor", "self-test"  # of its random streams
@@ -100,7 +100,7 @@ def self_test():
     """Three calculations whose results are known."""
     first = trials.generator(20, *NAMES, 0, "noise").bit_generator.random_raw()
     # covariance of a white acceleration of density q: q T^3/3, q T^2/2, q T
-    _, P = kalman.predict_cv(np.zeros(4), np.zeros((4, 4)), 2.0, 3.0)
+    _, P = track_cfar.predict_cv(np.zeros(4), np.zeros((4, 4)), 2.0, 3.0)
     one, two = (trials.run(_draw, 64, seed=20, workers=workers) for workers in (1, 2))
     known = {
         "a random stream": first == STREAM,
@@ -116,7 +116,7 @@ def self_test():
 def _draw(seed, i):
     """Covariance of a random state, two seconds later."""
     rng = trials.generator(seed, *NAMES, i, "noise")
-    return kalman.predict_cv(rng.standard_normal(4), np.diag(rng.random(4)), 2.0, 3.0)[1]
+    return track_cfar.predict_cv(rng.standard_normal(4), np.diag(rng.random(4)), 2.0, 3.0)[1]
 
 
 CHECKS = {

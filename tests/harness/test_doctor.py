@@ -73,9 +73,9 @@ def another_stream(monkeypatch, tmp_path):
 
 
 def wrong_kernel_result(monkeypatch, tmp_path):
-    from tbdcore import kalman
+    from tbdcore.kernels import track_cfar
 
-    monkeypatch.setattr(kalman, "predict_cv", lambda x, P, T, q: (x, P + 1))
+    monkeypatch.setattr(track_cfar, "predict_cv", lambda x, P, T, q: (x, P + 1))
 
 
 def wrong_workers(monkeypatch, tmp_path):

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -37,8 +38,17 @@ FILES = {
 }
 NUMBERS = {"numpy", "scipy", "numba"}
 HARNESS = sorted(path.stem for path in (paths.PACKAGE / "repro").glob("*.py"))
-CORE = sorted({path.stem for path in paths.PACKAGE.glob("*.py")} - {"__main__"})
+CORE = sorted(
+    path.relative_to(paths.PACKAGE).with_suffix("").as_posix()
+    for path in paths.PACKAGE.rglob("*.py")
+    if path.stem != "__main__" and path.parent.name != "repro"
+)
 MODULES = [*CORE, *(f"repro/{module}" for module in HARNESS)]
+
+
+def dotted(module):
+    """The name by which a module is imported."""
+    return f"tbdcore.{module}".replace("/", ".").removesuffix(".__init__")
 
 
 def imports(module):
@@ -67,7 +77,7 @@ def imports_of(text):
         }
     return packages - {"tbdcore"}, {
         name for name in own if (paths.PACKAGE / f"{name}.py").is_file()
-    }
+    } | {f"{name}/__init__" for name in own if name and (paths.PACKAGE / name).is_dir()}
 
 
 def tracked():
@@ -90,7 +100,9 @@ def test_the_core_imports_numbers_only(module):
     assert packages <= {*NUMBERS, *sys.stdlib_module_names}
     harness = {name for name in own if name.startswith("repro/")}
     assert harness <= (
-        {"repro/pages", "repro/paths", "repro/run"} if module == "__init__" else set()
+        {"repro/__init__", "repro/pages", "repro/paths", "repro/run"}
+        if module == "__init__"
+        else set()
     ), "only begin and page load the harness, when called"
 
 
@@ -101,6 +113,17 @@ def test_the_harness_imports_no_physics(module):
     assert known <= {"score"} or module == "doctor"  # its self-test runs a kernel
     if module != "figures":
         assert "matplotlib" not in packages, "only figures draws"
+
+
+ROOMS = {"": 0, "kernels": 1, "recording": 1}  # a module imports none of a later or another room
+
+
+@pytest.mark.parametrize("module", [module for module in CORE if module != "__init__"])
+def test_imports_go_downwards(module):
+    room = module.rpartition("/")[0]
+    for name in imports(module)[1] - {"__init__"}:
+        other = name.rpartition("/")[0]
+        assert other == room or ROOMS[other] < ROOMS[room], f"{module} imports {name}"
 
 
 @pytest.mark.parametrize("paper", pages.papers())
@@ -130,10 +153,10 @@ def test_one_decorator_and_no_hidden_randomness(module):
     )
 
 
-@pytest.mark.parametrize("module", [module for module in CORE if module != "__init__"])
+@pytest.mark.parametrize("module", [module for module in CORE if not module.endswith("__init__")])
 def test_a_kernel_calls_kernels_of_its_own_module_only(module):
     # Numba's disk cache goes by the caller's file: it would keep the old code of another module.
-    names = vars(importlib.import_module(f"tbdcore.{module}"))
+    names = vars(importlib.import_module(dotted(module)))
     kernels = [value.py_func for value in names.values() if hasattr(value, "py_func")]
     for function in kernels:
         for used in (names[name] for name in function.__code__.co_names if name in names):
@@ -153,11 +176,11 @@ def kernels_within(names):
     return found
 
 
-@pytest.mark.parametrize("module", [module for module in CORE if module != "__init__"])
+@pytest.mark.parametrize("module", [module for module in CORE if not module.endswith("__init__")])
 def test_no_two_kernels_share_a_name(module):
     # Numba links what it has cached by name and a running number, which two processes count alike:
     # of two kernels of one name, the second would silently run the first one's code.
-    names = vars(importlib.import_module(f"tbdcore.{module}"))
+    names = vars(importlib.import_module(dotted(module)))
     kernels = [kernel.__qualname__ for kernel in kernels_within(names).values()]
     assert len(set(kernels)) == len(kernels)
 
@@ -249,7 +272,7 @@ def test_the_lock_holds_every_dependency():
 
 def test_the_layout_names_every_module():
     text = (paths.ROOT / "docs" / "running.md").read_text(encoding="utf-8")
-    for module in {*CORE, *HARNESS} - {"__init__", "paths"}:
+    for module in {Path(module).name for module in [*CORE, *HARNESS]} - {"__init__", "paths"}:
         assert re.search(rf"\b{module}\b", text), module
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tbdcore import dynprog
+from tbdcore.kernels import dp_tbd
 
 
 def cells():
@@ -22,7 +22,7 @@ def table():
 
 
 def way():
-    return {"transition": dynprog.weighted_transition(**weights(), **moving())}
+    return {"transition": dp_tbd.weighted_transition(**weights(), **moving())}
 
 
 FREE = {("path", "I"), ("forward", "z")}
@@ -33,7 +33,7 @@ EXAMPLES = {
     "weighted_transition": lambda: weights() | moving(),
     "penalised_transition": lambda: weights() | moving(),
     "coupled_transition": lambda: table() | moving(),
-    "forward": lambda: {"z": dynprog.margin(cells(), 2)} | way(),
+    "forward": lambda: {"z": dp_tbd.margin(cells(), 2)} | way(),
     "path": lambda: {
         "I": np.arange(2 * 2 * 2 * 6 * 5.0).reshape(2, 2, 2, 6, 5) % 11.0,
         "state": np.array([1, 0, 3, 2]),

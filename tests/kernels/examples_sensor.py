@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from tbdcore import sensor
+from tbdcore.kernels import mda_tbd
 
-SPREAD = sensor.Spread(1.5, 0.25, 1, 2)
-GRID = sensor.PolarGrid(1000.0, 0.5, 10.0, 0.125, 8, 6)
+SPREAD = mda_tbd.Spread(1.5, 0.25, 1, 2)
+GRID = mda_tbd.PolarGrid(1000.0, 0.5, 10.0, 0.125, 8, 6)
 
 
 def power():

@@ -3,6 +3,11 @@
 import warnings
 
 
+def public(name, *modules):
+    """The function of this name in one of the modules."""
+    return next(getattr(module, name) for module in modules if hasattr(module, name))
+
+
 def result(function, *args):
     """What the function returns, or None after a ValueError of one line; warnings are errors."""
     with warnings.catch_warnings():

@@ -4,7 +4,7 @@ extreme probabilities.
 
 import numpy as np
 
-from tbdcore import association, detection, kalman
+from tbdcore.kernels import ljipda_ai
 
 
 def _scene(seed, T, M, outside=0.3, spread=3.0):
@@ -52,20 +52,20 @@ def _weighted(seed, T, M):
 
 
 SIZES = [(1, 0), (1, 1), (2, 5), (4, 3)]
-AMPLITUDE = detection.amplitude_ratio, detection.amplitude_ratio_spec
+AMPLITUDE = ljipda_ai.amplitude_ratio, ljipda_ai.amplitude_ratio_spec
 ASSOCIATORS = [
-    association.ipda,
-    association.prior_odds,
-    association.visibility,
-    association.modulated_log_ratio,
-    association.jipda,
+    ljipda_ai.ipda,
+    ljipda_ai.prior_odds,
+    ljipda_ai.visibility,
+    ljipda_ai.modulated_log_ratio,
+    ljipda_ai.jipda,
 ]
 
 CASES = [
     (
         f"{kernel.__name__} {T}x{M}",
         kernel,
-        getattr(association, f"{kernel.__name__}_spec"),
+        getattr(ljipda_ai, f"{kernel.__name__}_spec"),
         lambda T=T, M=M: _scene(T + 10 * M, T, M),
     )
     for kernel in ASSOCIATORS
@@ -75,7 +75,7 @@ CASES += [
     (
         f"{kernel.__name__} {name}",
         kernel,
-        getattr(association, f"{kernel.__name__}_spec"),
+        getattr(ljipda_ai, f"{kernel.__name__}_spec"),
         arguments,
     )
     for kernel in ASSOCIATORS
@@ -92,8 +92,8 @@ CASES += [
 CASES += [
     (
         f"ljipda {T}x{M}",
-        association.ljipda,
-        association.ljipda_spec,
+        ljipda_ai.ljipda,
+        ljipda_ai.ljipda_spec,
         lambda T=T, M=M: _scene_with_amplitude(T + 10 * M, T, M),
     )
     for T, M in SIZES
@@ -101,8 +101,8 @@ CASES += [
 CASES += [
     (
         f"gate {T}x{M}",
-        association.gate,
-        association.gate_spec,
+        ljipda_ai.gate,
+        ljipda_ai.gate_spec,
         lambda T=T, M=M: _gates(T + M, T, M),
     )
     for T, M in ((1, 0), (1, 1), (3, 200), (2, 40))
@@ -121,26 +121,26 @@ CASES += [
     for case in (
         (
             f"predict_tracks {T}",
-            kalman.predict_tracks,
-            kalman.predict_tracks_spec,
+            ljipda_ai.predict_tracks,
+            ljipda_ai.predict_tracks_spec,
             lambda T=T: _prediction(T, T),
         ),
         (
             f"gate_tracks {T}",
-            kalman.gate_tracks,
-            kalman.gate_tracks_spec,
+            ljipda_ai.gate_tracks,
+            ljipda_ai.gate_tracks_spec,
             lambda T=T: (*_tracks(T, T), 1e4, 1e-7),
         ),
         (
             f"update_mixture {T}",
-            kalman.update_mixture,
-            kalman.update_mixture_spec,
+            ljipda_ai.update_mixture,
+            ljipda_ai.update_mixture_spec,
             lambda T=T: _weighted(T, T, 5),
         ),
         (
             f"update_mixture {T}, no plot",
-            kalman.update_mixture,
-            kalman.update_mixture_spec,
+            ljipda_ai.update_mixture,
+            ljipda_ai.update_mixture_spec,
             lambda T=T: _weighted(T, T, 0),
         ),
     )
@@ -159,7 +159,7 @@ def _degenerate():
 
 
 CASES += [
-    (f"{name}, {about}", getattr(association, name), getattr(association, f"{name}_spec"), args)
+    (f"{name}, {about}", getattr(ljipda_ai, name), getattr(ljipda_ai, f"{name}_spec"), args)
     for about, *scene in _degenerate()
     for name in ("ipda", "jipda")
     for args in [lambda scene=scene: scene]
@@ -167,8 +167,8 @@ CASES += [
 CASES += [
     (
         f"gate, {about}",
-        association.gate,
-        association.gate_spec,
+        ljipda_ai.gate,
+        ljipda_ai.gate_spec,
         lambda z=z: (np.array(z), np.zeros((2, 2)), np.array([np.eye(2)] * 2), 4.0, 1.0),
     )
     for about, z in (
@@ -180,10 +180,10 @@ CASES += [
 CASES += [
     (f"{k.__name__}, no track", k, s, args)
     for k, s, args in (
-        (association.gate, association.gate_spec, lambda: _gates(1, 0, 3)),
-        (kalman.predict_tracks, kalman.predict_tracks_spec, lambda: _prediction(1, 0)),
-        (kalman.gate_tracks, kalman.gate_tracks_spec, lambda: (*_tracks(1, 0), 1e4, 1e-7)),
-        (kalman.update_mixture, kalman.update_mixture_spec, lambda: _weighted(1, 0, 2)),
+        (ljipda_ai.gate, ljipda_ai.gate_spec, lambda: _gates(1, 0, 3)),
+        (ljipda_ai.predict_tracks, ljipda_ai.predict_tracks_spec, lambda: _prediction(1, 0)),
+        (ljipda_ai.gate_tracks, ljipda_ai.gate_tracks_spec, lambda: (*_tracks(1, 0), 1e4, 1e-7)),
+        (ljipda_ai.update_mixture, ljipda_ai.update_mixture_spec, lambda: _weighted(1, 0, 2)),
         (*AMPLITUDE, lambda: (np.ones(3), np.empty(0))),
     )
 ]

@@ -2,7 +2,7 @@
 several, one in each cell.
 """
 
-from tbdcore import detection
+from tbdcore.kernels import track_cfar
 
 CELL = (150.0, 0.0349)
 GATES = {
@@ -16,8 +16,8 @@ def _case(name, gate, u, p_false, nth):
     about = f"false_plot {name}, u = {u}, p_false = {p_false}, number {nth}"
     return (
         about,
-        detection.false_plot,
-        detection.false_plot_spec,
+        track_cfar.false_plot,
+        track_cfar.false_plot_spec,
         lambda: (u, (0.3, 0.8), *gate, CELL, p_false, nth),
     )
 

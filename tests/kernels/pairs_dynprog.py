@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tbdcore import dynprog
+from tbdcore.kernels import dp_tbd
 
 M = 3
 LOWEST = 1 - M
@@ -26,7 +26,7 @@ def frames(K=3, shape=(9, 7), width=4, shift=0.0, lost=0.3, seed=3):
 
 
 def transition(family, weights, lowest=LOWEST, width=4, V=2 * M):
-    return getattr(dynprog, f"{family}_transition")(*weights, (lowest, lowest + V - 1), width)
+    return getattr(dp_tbd, f"{family}_transition")(*weights, (lowest, lowest + V - 1), width)
 
 
 def forward(family, weights, lowest=LOWEST, width=4, V=2 * M, **about):
@@ -37,7 +37,7 @@ def forward(family, weights, lowest=LOWEST, width=4, V=2 * M, **about):
 def again(family, weights, cells, lowest=LOWEST, width=4, V=2 * M):
     """Arguments of a forward pass that updates the maps of frames which differ in some cells."""
     z, way = forward(family, weights, lowest, width, V, K=5, shape=(26, 7), lost=0.1)
-    maps = dynprog.forward_spec(z.copy(), way)
+    maps = dp_tbd.forward_spec(z.copy(), way)
     for k, i, j in cells:
         z[k, width + i, width + j] = 3.0 if z[k, width + i, width + j] < 0.0 else -3.0
     return z, way, maps
@@ -76,8 +76,8 @@ CHANGES = (  # frame and cell: an end of the frames, a track, far apart, nothing
 STATES = ((0, 0, 4, 4), (5, 5, 12, 10), (2, 3, 8, 7), (5, 0, 6, 5), (0, 0, 0, 0), (5, 5, 16, 14))
 
 
-FORWARD = "forward", dynprog.forward, dynprog.forward_spec
-PATH = "path", dynprog.path, dynprog.path_spec
+FORWARD = "forward", dp_tbd.forward, dp_tbd.forward_spec
+PATH = "path", dp_tbd.path, dp_tbd.path_spec
 CASES = [
     (*FORWARD, lambda w=w, more=more, about=about: forward("box", (w,), *more, **about))
     for number, (w, *more) in enumerate(BOXES)

@@ -5,6 +5,7 @@ empty residual.
 import numpy as np
 
 from tbdcore import kalman
+from tbdcore.kernels import track_cfar
 
 
 def _track(seed, x):
@@ -38,32 +39,32 @@ CASES = [
     for case in (
         (
             "predict_cv",
-            kalman.predict_cv,
-            kalman.predict_cv_spec,
+            track_cfar.predict_cv,
+            track_cfar.predict_cv_spec,
             lambda s=seed, x=x: (*_track(s, x), 10.0, 0.01),
         ),
         (
             "predict_cv, no noise",
-            kalman.predict_cv,
-            kalman.predict_cv_spec,
+            track_cfar.predict_cv,
+            track_cfar.predict_cv_spec,
             lambda s=seed, x=x: (*_track(s, x), 10.0, 0.0),
         ),
         (
             "gate_polar",
-            kalman.gate_polar,
-            kalman.gate_polar_spec,
+            track_cfar.gate_polar,
+            track_cfar.gate_polar_spec,
             lambda s=seed, x=x: (*_track(s, x), 400.0, 1e-6),
         ),
         (
             "update_polar",
-            kalman.update_polar,
-            kalman.update_polar_spec,
+            track_cfar.update_polar,
+            track_cfar.update_polar_spec,
             lambda s=seed, x=x: (*_track(s, x), 30.0, -1e-4, 400.0, 1e-6),
         ),
         (
             "update_polar, empty residual",
-            kalman.update_polar,
-            kalman.update_polar_spec,
+            track_cfar.update_polar,
+            track_cfar.update_polar_spec,
             lambda s=seed, x=x: (*_track(s, x), 0.0, 0.0, 1.0, 1e-8),
         ),
     )
@@ -77,14 +78,14 @@ CASES += [
     ),
     (
         "predict_cv, no time and no covariance",
-        kalman.predict_cv,
-        kalman.predict_cv_spec,
+        track_cfar.predict_cv,
+        track_cfar.predict_cv_spec,
         lambda: (np.array([1.0, 2.0, 3.0, 4.0]), np.zeros((4, 4)), 0.0, 0.0),
     ),
     (
         "update_polar, a certain track",
-        kalman.update_polar,
-        kalman.update_polar_spec,
+        track_cfar.update_polar,
+        track_cfar.update_polar_spec,
         lambda: (np.array([1e4, 2.0, 3e4, 4.0]), np.zeros((4, 4)), 30.0, 1e-4, 400.0, 1e-6),
     ),
 ]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tbdcore import motion
+from tbdcore.kernels import mm_pf_tbd
 
 PI = np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
 
@@ -31,7 +31,7 @@ def edges():
 
 
 CASES = [
-    ("transition", motion.transition, motion.transition_spec, args)
+    ("transition", mm_pf_tbd.transition, mm_pf_tbd.transition_spec, args)
     for args in (
         lambda: step(500),
         lambda: step(200, accel=0.0, T=0.25),
@@ -51,7 +51,7 @@ def box(n, omegas=OMEGAS):
 
 
 CASES += [
-    ("box_states", motion.box_states, motion.box_states_spec, args)
+    ("box_states", mm_pf_tbd.box_states, mm_pf_tbd.box_states_spec, args)
     for args in (
         lambda: box(300),
         lambda: box(50, np.array([[0.5, 0.5], [0.5, 0.5]])),
@@ -69,6 +69,6 @@ def certain(regime, redraw):
 
 
 CASES += [
-    ("transition", motion.transition, motion.transition_spec, lambda a=args: certain(*a))
+    ("transition", mm_pf_tbd.transition, mm_pf_tbd.transition_spec, lambda a=args: certain(*a))
     for args in ((0, True), (1, True), (2, True), (1, False), (2, False))
 ]

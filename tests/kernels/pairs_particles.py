@@ -3,6 +3,7 @@
 import numpy as np
 
 from tbdcore import particles
+from tbdcore.kernels import mda_tbd, mm_pf_tbd
 
 
 def weights(n, seed=0):
@@ -60,7 +61,7 @@ def cloud(n, M, regimes=3, seed=2):
 
 
 CASES += [
-    ("copy_particles", particles.copy_particles, particles.copy_particles_spec, args)
+    ("copy_particles", mm_pf_tbd.copy_particles, mm_pf_tbd.copy_particles_spec, args)
     for args in (
         lambda: cloud(400, 200),
         lambda: cloud(20, 70),
@@ -78,7 +79,7 @@ def histories(window, samples, n, M, births, seed=3):
 
 
 CASES += [
-    ("inherit", particles.inherit, particles.inherit_spec, args)
+    ("inherit", mda_tbd.inherit, mda_tbd.inherit_spec, args)
     for args in (
         lambda: histories(8, 1, 90, 60, 30),
         lambda: histories(3, 2, 9, 20, 1),

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 
-from tbdcore import sensor
+from tbdcore.kernels import mda_tbd, mm_pf_tbd
 
 
 def blob_case(n, shape=(30, 20), blur=0.6, seed=4):
@@ -27,7 +27,7 @@ def blob_case(n, shape=(30, 20), blur=0.6, seed=4):
 
 
 CASES = [
-    ("blob_log_ratio", sensor.blob_log_ratio, sensor.blob_log_ratio_spec, args)
+    ("blob_log_ratio", mm_pf_tbd.blob_log_ratio, mm_pf_tbd.blob_log_ratio_spec, args)
     for args in (
         lambda: blob_case(500),
         lambda: blob_case(100, blur=0.9),
@@ -60,7 +60,7 @@ def polar_case(spread, n=200, shape=(60, 40), seed=6):
         rho,
         alpha,
         snr,
-        sensor.Spread(*spread),
+        mda_tbd.Spread(*spread),
     )
 
 
@@ -78,12 +78,12 @@ for spread, options in (
 ):
     make = functools.partial(polar_case, spread, **options)
     CASES += [
-        ("power_log_ratio", sensor.power_log_ratio, sensor.power_log_ratio_spec, make),
-        ("cell_power", sensor.cell_power, sensor.cell_power_spec, lambda make=make: make()[:3]),
+        ("power_log_ratio", mda_tbd.power_log_ratio, mda_tbd.power_log_ratio_spec, make),
+        ("cell_power", mda_tbd.cell_power, mda_tbd.cell_power_spec, lambda make=make: make()[:3]),
         (
             "patch_fit",
-            sensor.patch_fit,
-            sensor.patch_fit_spec,
+            mda_tbd.patch_fit,
+            mda_tbd.patch_fit_spec,
             lambda make=make: (*make()[:3], make()[4]),
         ),
     ]

@@ -6,7 +6,7 @@ import datetime
 
 import numpy as np
 
-from tbdcore import association
+from tbdcore.kernels import ljipda_ai
 
 DETECT, CLUTTER = 0.9, 1e-5
 WHEN = datetime.datetime(2020, 1, 1)
@@ -25,8 +25,8 @@ def our_marginals(where, plots):
     each plot.
     """
     D = np.broadcast_to(COVARIANCE[::2, ::2] + NOISE, (len(where), 2, 2)).copy()
-    _, log_density = association.gate(plots, where, D, 1e6, 1.0)  # a gate that holds everything
-    return association.jipda(
+    _, log_density = ljipda_ai.gate(plots, where, D, 1e6, 1.0)  # a gate that holds everything
+    return ljipda_ai.jipda(
         log_density - np.log(CLUTTER), np.ones(len(where)), np.full(len(where), DETECT)
     )[0]
 

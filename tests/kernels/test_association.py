@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy import integrate, special
 
-from tbdcore import association, detection, kalman
-from tbdcore.association import ipda, jipda, ljipda, modulated_log_ratio, visibility
+from tbdcore import kalman
+from tbdcore.kernels import ljipda_ai
+from tbdcore.kernels.ljipda_ai import ipda, jipda, ljipda, modulated_log_ratio, visibility
 
 RNG_SEEDS = range(6)
 
@@ -65,7 +66,7 @@ def by_matrices(log_ratio, existence, detect):
 @pytest.mark.parametrize(("T", "M"), [(1, 3), (2, 2), (2, 3), (3, 2), (3, 3)])
 def test_subset_recursion_equals_enumeration_and_brute_force(seed, T, M):
     args = scene(seed, T, M)
-    ours, listed, brute = jipda(*args), association.jipda_spec(*args), by_matrices(*args)
+    ours, listed, brute = jipda(*args), ljipda_ai.jipda_spec(*args), by_matrices(*args)
     for our, enumerated, binary in zip(ours, listed, brute, strict=True):
         np.testing.assert_allclose(our, enumerated, rtol=1e-12)
         np.testing.assert_allclose(our, binary, rtol=1e-12, atol=1e-15)
@@ -135,7 +136,7 @@ def test_zero_information_amplitude_is_ljipda_bit_for_bit():
     log_ratio, existence, detect = scene(5, 3, 8)
     excess = np.random.default_rng(5).exponential(size=8)
     with_amplitude = ljipda(
-        log_ratio, detection.amplitude_ratio(excess, np.zeros(3)), existence, detect
+        log_ratio, ljipda_ai.amplitude_ratio(excess, np.zeros(3)), existence, detect
     )
     for our, plain in zip(with_amplitude, plain_ljipda(log_ratio, existence, detect), strict=True):
         np.testing.assert_array_equal(our, plain)
@@ -230,7 +231,7 @@ def test_exact_marginals_survive_any_evidence(size, seed):
 def test_potentials_scale_the_best_event_to_one_and_all_factors_to_at_most_one(seed):
     rng = np.random.default_rng(seed)
     log_w, log_miss = rng.normal(0, 30, (3, 4)), rng.normal(0, 30, 3)
-    a, v = association._potentials(log_w, log_miss)
+    a, v = ljipda_ai._potentials(log_w, log_miss)
     assert max((log_w + a[:, None] + v).max(), (log_miss + a).max(), v.max()) < 1e-9
     sums = [
         sum(log_miss[t] if m < 0 else log_w[t, m] for t, m in enumerate(event))
@@ -258,7 +259,7 @@ def test_gate_holds_its_probability():
     D, gamma = np.array([[[400.0, 150.0], [150.0, 900.0]]]), 9.0
     side = np.linspace(-120, 120, 1201)
     z = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    inside, log_p = association.gate(z, np.zeros((1, 2)), D, gamma, 1 - math.exp(-gamma / 2))
+    inside, log_p = ljipda_ai.gate(z, np.zeros((1, 2)), D, gamma, 1 - math.exp(-gamma / 2))
     cell = (side[1] - side[0]) ** 2
     assert np.exp(log_p).sum() * cell == pytest.approx(
         1.0, abs=2e-3
@@ -275,7 +276,7 @@ def test_gate_holds_its_probability():
 @pytest.mark.parametrize("snr", [0.3, 1.0, 10.0, 100.0])
 def test_amplitude_ratio_has_mean_one_under_noise(snr):
     def integrand(u):
-        return math.exp(detection.amplitude_ratio(np.array([u]), np.array([snr]))[0, 0] - u)
+        return math.exp(ljipda_ai.amplitude_ratio(np.array([u]), np.array([snr]))[0, 0] - u)
 
     mean, error = integrate.quad(integrand, 0, np.inf, limit=400, epsabs=1e-10)
     assert mean == pytest.approx(1.0, abs=max(1e-8, 10 * error))
@@ -296,7 +297,7 @@ def test_amplitude_ratio_is_that_of_the_truncated_rayleigh_densities(p_false):
         a * np.exp(-(a**2) / 2) / p_false
     )
     np.testing.assert_allclose(
-        np.exp(detection.amplitude_ratio((a**2 - tau**2) / 2, np.array([d])))[0], ratio, rtol=1e-9
+        np.exp(ljipda_ai.amplitude_ratio((a**2 - tau**2) / 2, np.array([d])))[0], ratio, rtol=1e-9
     )
     assert ratio[0] == pytest.approx(1 / (1 + d))
 
@@ -304,7 +305,7 @@ def test_amplitude_ratio_is_that_of_the_truncated_rayleigh_densities(p_false):
 def test_amplitude_information_of_both_hypotheses():
     d = np.array([10.0])
     mean_excess = np.array([1.0, 11.0])  # the log ratio is linear in the excess
-    noise, target = detection.amplitude_ratio(mean_excess, d)[0]
+    noise, target = ljipda_ai.amplitude_ratio(mean_excess, d)[0]
     assert noise == pytest.approx(10 / 11 - math.log(11))
     assert target == pytest.approx(10 - math.log(11))
 
@@ -317,8 +318,8 @@ def test_one_certain_plot_is_a_kalman_update():
     rng = np.random.default_rng(2)
     A = rng.normal(size=(4, 4))
     x, P, z = rng.normal(size=(1, 4)) * 1e4, (A @ A.T)[None] * 100, rng.normal(size=(1, 2)) * 1e4
-    zhat, R, D = kalman.gate_tracks(x, P, 1e4, 1e-6)
-    mean, cov = kalman.update_mixture(x, P, D, z, np.array([[0.0, 1.0]]))
+    zhat, R, D = ljipda_ai.gate_tracks(x, P, 1e4, 1e-6)
+    mean, cov = ljipda_ai.update_mixture(x, P, D, z, np.array([[0.0, 1.0]]))
     H = np.eye(4)[::2]
     exact = kalman.update(x[0], P[0], z[0] - zhat[0], H, R[0])
     np.testing.assert_allclose(mean[0], exact[0], rtol=1e-9)
@@ -333,7 +334,7 @@ def test_bound_is_the_kalman_covariance_when_every_plot_arrives():
         np.broadcast_to(np.kron(np.eye(2), [[1.0, 2.0], [0.0, 1.0]]), (5, 2, 4, 4)),
     )
     R = np.arange(1.0, 7.0)[:, None, None, None] * np.diag([3.0, 5.0]) * np.ones((2, 1, 1))
-    bound, H = kalman.position_bound(F, R, P, 1.0), np.eye(4)[::2]
+    bound, H = ljipda_ai.position_bound(F, R, P, 1.0), np.eye(4)[::2]
     for t in range(2):
         cov = P[t]
         for k in range(5):
@@ -343,7 +344,7 @@ def test_bound_is_the_kalman_covariance_when_every_plot_arrives():
 
 
 def test_too_many_tracks_are_refused_before_memory_is():
-    assert association.MAX_TRACKS == 16
+    assert ljipda_ai.MAX_TRACKS == 16
     with pytest.raises(ValueError, match="the limit is 16 tracks"):
         jipda(np.zeros((17, 3)), np.full(17, 0.9), np.full(17, 0.9))
     beta, _ = jipda(np.zeros((12, 2)), np.full(12, 0.9), np.full(12, 0.9))

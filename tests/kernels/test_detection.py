@@ -5,6 +5,7 @@ import pytest
 from scipy import integrate
 
 from tbdcore import detection
+from tbdcore.kernels import track_cfar
 
 
 def test_threshold_of_one_in_a_million():
@@ -42,7 +43,7 @@ def test_no_target_is_a_false_alarm():
 
 def test_fourth_power_law_and_decibels():
     assert np.isclose(
-        detection.to_db(detection.radar_equation(200.0, 1000.0, 100.0)), 30 - 40 * np.log10(2)
+        detection.to_db(track_cfar.radar_equation(200.0, 1000.0, 100.0)), 30 - 40 * np.log10(2)
     )
     assert np.isclose(detection.from_db(detection.to_db(7.3)), 7.3)
 
@@ -68,7 +69,7 @@ def test_false_plots_fire_as_independent_cells():
     beta = np.outer(*shares).ravel()
     counts, places = np.zeros(n, int), []
     for m, (u, v0, v1) in enumerate(rng.random((n, 3))):
-        while (plot := detection.false_plot(u, (v0, v1), centre, half, cell, p, counts[m]))[0]:
+        while (plot := track_cfar.false_plot(u, (v0, v1), centre, half, cell, p, counts[m]))[0]:
             counts[m] += 1
             places.append(plot[1:])
     none = np.prod(1 - beta * p)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from tbdcore import dynprog
+from tbdcore.kernels import dp_tbd
 
 ONE = np.ones(1)
 A = 0.95
@@ -21,12 +21,12 @@ def transition(name, M):
     v, width = (1 - M, M), M + 1
     price = np.array([0.4, 0.0, 0.4])
     return {
-        "conventional": lambda: dynprog.box_transition(np.ones(2 * M + 1), (0, 0), width),
-        "tonissen": lambda: dynprog.box_transition(np.array([0.0, 1.0, 1.0]), v, width),
-        "weighted": lambda: dynprog.weighted_transition(EQUAL, EQUAL, v, width),
-        "unweighted": lambda: dynprog.weighted_transition(np.ones(3), np.ones(3), v, width),
-        "literal": lambda: dynprog.coupled_transition(LITERAL, v, width),
-        "penalised": lambda: dynprog.penalised_transition(price, price, v, width),
+        "conventional": lambda: dp_tbd.box_transition(np.ones(2 * M + 1), (0, 0), width),
+        "tonissen": lambda: dp_tbd.box_transition(np.array([0.0, 1.0, 1.0]), v, width),
+        "weighted": lambda: dp_tbd.weighted_transition(EQUAL, EQUAL, v, width),
+        "unweighted": lambda: dp_tbd.weighted_transition(np.ones(3), np.ones(3), v, width),
+        "literal": lambda: dp_tbd.coupled_transition(LITERAL, v, width),
+        "penalised": lambda: dp_tbd.penalised_transition(price, price, v, width),
     }[name]()
 
 
@@ -35,8 +35,8 @@ def solve(z, name, M):
     from 0.
     """
     way = transition(name, M)
-    I = dynprog.forward(dynprog.margin(z, M + 1), way).values
-    path = dynprog.path(I, np.unravel_index(I[-1].argmax(), I[-1].shape), way)
+    I = dp_tbd.forward(dp_tbd.margin(z, M + 1), way).values
+    path = dp_tbd.path(I, np.unravel_index(I[-1].argmax(), I[-1].shape), way)
     inside = slice(M + 1, -M - 1)
     return I[..., inside, inside], path - [0, 0, M + 1, M + 1]
 
@@ -158,10 +158,10 @@ def test_a_noise_free_track_keeps_a_geometric_share_of_its_energy(dx, g):
 
 
 def test_weighted_equals_coupled_where_the_table_is_a_product():
-    z = dynprog.margin(np.random.default_rng(8).normal(-1.0, 1.0, (4, 12, 9)), 4)
-    table = dynprog.coupled_transition(np.outer(EQUAL, EQUAL), (-2, 3), 4)
-    ours = dynprog.forward(z, transition("weighted", 3)).values
-    theirs = dynprog.forward(z, table).values
+    z = dp_tbd.margin(np.random.default_rng(8).normal(-1.0, 1.0, (4, 12, 9)), 4)
+    table = dp_tbd.coupled_transition(np.outer(EQUAL, EQUAL), (-2, 3), 4)
+    ours = dp_tbd.forward(z, transition("weighted", 3)).values
+    theirs = dp_tbd.forward(z, table).values
     np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-14)
 
 
@@ -229,8 +229,8 @@ def test_a_larger_set_never_lowers_a_value():
 
 
 def test_single_precision_rounds_and_does_nothing_else():
-    z = dynprog.margin(DATA.astype(np.float32), 4)
-    I = dynprog.forward(z, transition("weighted", 3)).values
+    z = dp_tbd.margin(DATA.astype(np.float32), 4)
+    I = dp_tbd.forward(z, transition("weighted", 3)).values
     assert I.dtype == np.float32
     np.testing.assert_allclose(
         I[-1][..., 4:-4, 4:-4], solve(DATA, "weighted", 3)[0][-1], rtol=2e-6, atol=2e-6
@@ -251,7 +251,7 @@ def test_the_path_reaches_both_ends_of_the_velocities(name, end, axis):
             before[2 + a] = 9 - (before[a] - 2)  # slack 0: the cell left at the former velocity
         I = np.full((2, 6, 6, 20, 20), -np.inf)
         I[0][tuple(before)] = 1.0
-        path = dynprog.path(I, tuple(state), transition(name, 3))
+        path = dp_tbd.path(I, tuple(state), transition(name, 3))
         assert path[0].tolist() == before
 
 
@@ -260,7 +260,7 @@ def test_before_a_state_without_a_predecessor_the_path_is_minus_one(name):
     I = np.full((3, 6, 6, 20, 20), -np.inf)
     state = [2, 2, 9, 9]
     I[2][tuple(state)] = 1.0
-    path = dynprog.path(I, tuple(state), transition(name, 3))
+    path = dp_tbd.path(I, tuple(state), transition(name, 3))
     assert path.tolist() == [[-1] * 4, [-1] * 4, state]
 
 
@@ -269,10 +269,10 @@ def test_before_a_state_without_a_predecessor_the_path_is_minus_one(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_frames_that_do_not_differ_are_not_computed_again(name):
-    z, way = dynprog.margin(DATA, 4), transition(name, 3)
-    maps = dynprog.forward(z, way)
+    z, way = dp_tbd.margin(DATA, 4), transition(name, 3)
+    maps = dp_tbd.forward(z, way)
     maps.values[:] = 7.0
-    assert dynprog.forward(z, way, maps) is maps
+    assert dp_tbd.forward(z, way, maps) is maps
     assert (maps.values == 7.0).all()
 
 
@@ -281,13 +281,13 @@ def test_what_a_cell_cannot_reach_is_not_computed_again(name):
     """A cell of the last frame changes its row of the last map; frame 4, its own row of map 4 and
     at most four rows on either side in map 5.
     """
-    z, way = dynprog.margin(DATA, 4), transition(name, 3)
+    z, way = dp_tbd.margin(DATA, 4), transition(name, 3)
     for k in (5, 4):
-        maps = dynprog.forward(z, way)
+        maps = dp_tbd.forward(z, way)
         maps.values[:] = 7.0
         new = z.copy()
         new[k, 11, 9] += 1.0
-        I = dynprog.forward(new, way, maps).values
+        I = dp_tbd.forward(new, way, maps).values
         rows = [np.flatnonzero((I[k] != 7.0).any(axis=(0, 1, 3))) for k in range(len(DATA))]
         assert not any(row.size for row in rows[:k])
         assert rows[k].tolist() == [11]
@@ -295,30 +295,30 @@ def test_what_a_cell_cannot_reach_is_not_computed_again(name):
 
 
 def test_maps_of_another_pass_are_refused():
-    z, way = dynprog.margin(DATA, 4), transition("weighted", 3)
-    maps = dynprog.forward(z, way)
-    assert dynprog.forward(z, transition("weighted", 3), maps) is maps
+    z, way = dp_tbd.margin(DATA, 4), transition("weighted", 3)
+    maps = dp_tbd.forward(z, way)
+    assert dp_tbd.forward(z, transition("weighted", 3), maps) is maps
     for frames, other, given in (
         (z, transition("unweighted", 3), maps),
-        (z, dynprog.weighted_transition(EQUAL, EQUAL, (-3, 2), 4), maps),
-        (z, dynprog.penalised_transition(EQUAL, EQUAL, (-2, 3), 4), maps),
+        (z, dp_tbd.weighted_transition(EQUAL, EQUAL, (-3, 2), 4), maps),
+        (z, dp_tbd.penalised_transition(EQUAL, EQUAL, (-2, 3), 4), maps),
         (z[1:], way, maps),
         (z.astype(np.float32), way, maps),
         (z, way, (maps.values, z)),
     ):
         with pytest.raises(ValueError, match=r"^forward: maps: [^\n]+$"):
-            dynprog.forward(frames, other, given)
+            dp_tbd.forward(frames, other, given)
 
 
 def test_a_refused_frame_leaves_the_maps_as_they_were():
-    z, way = dynprog.margin(DATA, 4), transition("tonissen", 3)
-    maps = dynprog.forward(z, way)
+    z, way = dp_tbd.margin(DATA, 4), transition("tonissen", 3)
+    maps = dp_tbd.forward(z, way)
     before = [part.copy() for part in maps[:2]]
     bad = z.copy()
     bad[0, 9, 9] = 1.0
     bad[3, 9, 9] = np.nan
     with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dynprog.forward(bad, way, maps)
+        dp_tbd.forward(bad, way, maps)
     assert all(np.array_equal(*pair) for pair in zip(before, maps, strict=False))
 
 
@@ -328,23 +328,23 @@ def test_a_refused_frame_leaves_the_maps_as_they_were():
 @pytest.mark.parametrize("frames", [np.zeros((2, 0, 5)), np.full((2, 3, 4), np.nan)])
 def test_bad_frames_are_one_line(frames):
     with pytest.raises(ValueError, match=r"frames[^\n]+$"):
-        dynprog.margin(frames, 3)
+        dp_tbd.margin(frames, 3)
 
 
 @pytest.mark.parametrize("cell", [(0, 0, 4), (1, 16, 5), (1, 5, 0), (0, 6, 14)])
 def test_frames_without_their_margin_are_refused(cell):
-    z = dynprog.margin(np.zeros((2, 9, 7)), 4)
+    z = dp_tbd.margin(np.zeros((2, 9, 7)), 4)
     z[cell] = 0.0
     with pytest.raises(ValueError, match="margin"):
-        dynprog.forward(z, transition("weighted", 3))
+        dp_tbd.forward(z, transition("weighted", 3))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_cell_that_is_not_a_number_is_refused(value):
-    z = dynprog.margin(np.zeros((2, 9, 7)), 4)
+    z = dp_tbd.margin(np.zeros((2, 9, 7)), 4)
     z[1, 6, 6] = value
     with pytest.raises(ValueError, match="NaN, inf"):
-        dynprog.forward(z, transition("tonissen", 3))
+        dp_tbd.forward(z, transition("tonissen", 3))
 
 
 BAD_BOX = {
@@ -361,18 +361,18 @@ BAD_BOX = {
 @pytest.mark.parametrize("name", BAD_BOX)
 def test_a_bad_transition_is_one_line(name):
     with pytest.raises(ValueError, match=r"^box_transition: (position|width|velocities): [^\n]+$"):
-        dynprog.box_transition(*BAD_BOX[name])
+        dp_tbd.box_transition(*BAD_BOX[name])
 
 
 def test_a_table_with_a_zero_is_refused():
     table = LITERAL * (np.arange(9).reshape(3, 3) != 0)
     with pytest.raises(ValueError, match=r"^coupled_transition: table: [^\n]+$"):
-        dynprog.coupled_transition(table, (-2, 3), 4)
+        dp_tbd.coupled_transition(table, (-2, 3), 4)
 
 
 @pytest.mark.parametrize("argument", [0, 1])
 def test_a_middle_that_is_left_out_is_refused(argument):
-    for make, odd in ((dynprog.penalised_transition, np.inf), (dynprog.weighted_transition, 0.0)):
+    for make, odd in ((dp_tbd.penalised_transition, np.inf), (dp_tbd.weighted_transition, 0.0)):
         weights = [np.ones(3), np.ones(3)]
         weights[argument][1] = odd
         with pytest.raises(ValueError, match=r"_transition: (position|velocity): [^\n]+$"):
@@ -381,7 +381,7 @@ def test_a_middle_that_is_left_out_is_refused(argument):
 
 def test_a_margin_as_wide_as_the_frame_is_refused():
     with pytest.raises(ValueError, match=r"^forward: z: [^\n]+$"):
-        dynprog.forward(np.zeros((2, 8, 9)), transition("weighted", 3))
+        dp_tbd.forward(np.zeros((2, 8, 9)), transition("weighted", 3))
 
 
 @pytest.mark.parametrize(
@@ -390,7 +390,7 @@ def test_a_margin_as_wide_as_the_frame_is_refused():
 )
 def test_a_final_state_outside_the_maps_is_refused(state):
     with pytest.raises(ValueError, match=r"^path: state: [^\n]+$"):
-        dynprog.path(np.zeros((2, 6, 6, 20, 20)), state, transition("weighted", 3))
+        dp_tbd.path(np.zeros((2, 6, 6, 20, 20)), state, transition("weighted", 3))
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (0, 4), (4, 0), (4, 4)])
@@ -398,5 +398,5 @@ def test_a_path_reaches_the_first_and_the_last_cell_of_a_map(cell):
     I = np.zeros((2, 1, 1, 5, 5))
     I[0, 0, 0][cell] = 1.0
     start = tuple(min(max(c, 1), 3) for c in cell)
-    path = dynprog.path(I, (0, 0, *start), dynprog.box_transition(np.ones(3), (0, 0), 1))
+    path = dp_tbd.path(I, (0, 0, *start), dp_tbd.box_transition(np.ones(3), (0, 0), 1))
     assert path.tolist() == [[0, 0, *cell], [0, 0, *start]]

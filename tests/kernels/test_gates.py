@@ -5,19 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from tbdcore import gates
+from tbdcore.kernels import ljipda_ai, track_cfar
 
 
 def seen(gated=0, z=((9e3, 9e3),), **change):
     of = {"expected": 0.9, "spread": 0.09, "area": 1e4, "largest": 1e4}
     of |= {"claims": 0.9, "along": 0.9, "across": 0.9, **change}
-    return gates.Seen(np.array(z), gated, **of)
+    return ljipda_ai.Seen(np.array(z), gated, **of)
 
 
 def says(scans, x=((1000.0, 1.0, 800.0, 1.0),), existence=1.0, p_detect=0.9, clutter="estimate"):
     x = np.tile(x, (10, 1, 1))
     P, alive = np.tile(np.eye(4), (*x.shape[:2], 1, 1)), np.full(x.shape[:2], existence)
-    return gates.contradiction(scans, x, P, alive, np.full(x.shape[1], p_detect), clutter)
+    return ljipda_ai.contradiction(scans, x, P, alive, np.full(x.shape[1], p_detect), clutter)
 
 
 def test_a_look_at_a_scan_is_what_a_count_by_hand_gives():
@@ -25,7 +25,7 @@ def test_a_look_at_a_scan_is_what_a_count_by_hand_gives():
     zhat, S = np.array([[100.0, 0], [0, 50.0]]), np.array([np.diag([4.0, 9.0]), np.diag([1.0, 16])])
     z = np.array([[103.0, 6.0], [1e4, 0.0]])
     beta, expected = np.array([[0.4, 0.6], [0.9, 0.1]]), np.array([0.9, 0.5])
-    found = gates.look(z, np.array([0]), zhat, S, beta, expected, 16.0)
+    found = ljipda_ai.look(z, np.array([0]), zhat, S, beta, expected, 16.0)
     assert found.z is z
     along = 0.6 * 9 / 4 + 0.1 * 44**2 / 16
     across = 0.6 * 36 / 9 + 0.1 * 103**2 / 1
@@ -89,16 +89,16 @@ def test_errors_may_be_five_times_as_large_as_the_plots_show(share, named):
 )
 def test_a_density_is_named_beyond_its_factor_its_chance_and_three_plots(clutter, gated, said):
     """Thirty plots are a third, or three times, of what was told: 2.6 sqrt(30) + 3 = 17.2 away."""
-    total = gates.Seen(None, gated, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
-    assert (gates._other_density(total, clutter) is not None) == said
+    total = ljipda_ai.Seen(None, gated, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    assert (ljipda_ai._other_density(total, clutter) is not None) == said
 
 
 def test_the_noise_level_is_that_above_the_lowest_tenth():
     lam = 3.0 + np.random.default_rng(2).standard_exponential(2000)
-    low, level, error = gates.noise_level([np.column_stack([lam, lam, lam])])
+    low, level, error = track_cfar.noise_level([np.column_stack([lam, lam, lam])])
     above = np.sort(lam)[200:]
     assert low == above[0]
     assert level == pytest.approx(10 * math.log10(np.median(above - low) / math.log(2)))
     assert error == pytest.approx(6.5 / math.sqrt(1800))
-    assert gates.noise_level([None, np.empty((0, 3))]) == (0.0, 0.0, np.inf)
-    assert gates.noise_level([np.ones((998, 3))])[2] == np.inf
+    assert track_cfar.noise_level([None, np.empty((0, 3))]) == (0.0, 0.0, np.inf)
+    assert track_cfar.noise_level([np.ones((998, 3))])[2] == np.inf

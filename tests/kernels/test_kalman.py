@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from tbdcore import kalman, motion
+from tbdcore.kernels import track_cfar
 
 T, Q = 10.0, 0.01
 
@@ -58,9 +59,9 @@ def test_extended_filter_equals_least_squares_in_its_linear_limit():
     var = (25.0, (10 / r) ** 2)
     x, P = kalman.two_point(z[0], z[1], var, var, T)
     for plot in z[2:]:
-        kalman.predict_cv(x, P, T, q)
-        rhat, ahat, *_ = kalman.gate_polar(x, P, *var)
-        kalman.update_polar(x, P, plot[0] - rhat, plot[1] - ahat, *var)
+        track_cfar.predict_cv(x, P, T, q)
+        rhat, ahat, *_ = track_cfar.gate_polar(x, P, *var)
+        track_cfar.update_polar(x, P, plot[0] - rhat, plot[1] - ahat, *var)
     x_ref, P_ref = stacked_least_squares(kalman.cartesian(z), np.diag([25.0, 100.0]), q)
     # what is left: two_point knows no process noise between its plots, and 10 m across 30000 km is
     # not quite straight
@@ -123,9 +124,9 @@ def test_converged_filter_sees_only_the_plot_noise():
         np.array([1e5, 0.3]), np.array([1.05e5, 0.3]), (9.0, 1e-7), (9.0, 1e-7), T
     )
     for _ in range(3000):
-        kalman.predict_cv(x, P, T, 0.0)
-        _, _, D11, _, D22 = kalman.gate_polar(x, P, 9.0, 1e-7)
-        kalman.update_polar(x, P, 0.0, 0.0, 9.0, 1e-7)
+        track_cfar.predict_cv(x, P, T, 0.0)
+        _, _, D11, _, D22 = track_cfar.gate_polar(x, P, 9.0, 1e-7)
+        track_cfar.update_polar(x, P, 0.0, 0.0, 9.0, 1e-7)
     assert 9.0 < D11 < 9.0 * 1.01
     assert 1e-7 < D22 < 1.01e-7
 
@@ -137,7 +138,7 @@ def test_azimuth_is_immaterial():
         x, P = kalman.two_point(
             np.array([1e5, a]), np.array([1.05e5, a]), (9.0, 1e-7), (9.5, 1e-7), T
         )
-        kalman.predict_cv(x, P, T, Q)
-        _, _, D11, _, D22 = kalman.gate_polar(x, P, 9.0, 1e-7)
+        track_cfar.predict_cv(x, P, T, Q)
+        _, _, D11, _, D22 = track_cfar.gate_polar(x, P, 9.0, 1e-7)
         sizes.append((D11, D22))
     np.testing.assert_allclose(sizes[0], sizes[1], rtol=1e-9)

@@ -5,7 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
-from tbdcore import misfit, noise, recording
+from tbdcore import noise, recording
+from tbdcore.recording import misfit
 
 LAWS = ("gaussian", "exponential")
 NAMES = list(misfit.TOLERANCE)

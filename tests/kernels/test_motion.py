@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from tbdcore import motion
+from tbdcore.kernels import mm_pf_tbd
 
 PI = np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
 
@@ -53,7 +54,7 @@ OMEGAS = np.array([[-0.4, -0.2], [0.2, 0.5]])
 
 def move(S, before, u, a, omegas=OMEGAS, redraw=True, T=1.0):
     S = np.array(S, float)
-    return motion.transition(
+    return mm_pf_tbd.transition(
         np.array(before), S, PI, T, np.array(u, float), np.array(a, float), omegas, redraw
     )
 
@@ -67,7 +68,7 @@ def test_regimes_reach_the_stationary_distribution():
     for _ in range(60):
         before, (r, born, S) = (
             r,
-            motion.transition(
+            mm_pf_tbd.transition(
                 r, S, PI, 1.0, rng.random(r.size), np.zeros((r.size, 2)), OMEGAS, True
             ),
         )
@@ -134,5 +135,5 @@ def test_redrawn_turn_rates_are_uniform_on_their_intervals():
 )
 def test_bad_transitions_are_refused_in_one_line(Pi):
     with pytest.raises(ValueError, match="check_transitions: Pi") as error:
-        motion.check_transitions(Pi)
+        mm_pf_tbd.check_transitions(Pi)
     assert "\n" not in str(error.value)

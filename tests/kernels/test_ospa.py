@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tbdcore import score
+from tbdcore.kernels import mda_tbd
 
 
 def brute_force_ospa(X, Y, c, p):
@@ -60,7 +61,7 @@ def test_bernoulli_ospa_is_ospa_of_at_most_one_point():
     rng = np.random.default_rng(13)
     x, truth, existence = rng.uniform(0, 300, (60, 2)), rng.uniform(0, 300, (60, 2)), rng.random(60)
     truth[::3], existence[:6] = np.nan, [0.5, 0.5, 0.5, 0.51, 0.51, 0.51]
-    ours = score.ospa_bernoulli(x, existence, truth, 200.0)
+    ours = mda_tbd.ospa_bernoulli(x, existence, truth, 200.0)
     for k in range(60):
         X, Y = (
             x[k : k + 1][existence[k : k + 1] > 0.5],

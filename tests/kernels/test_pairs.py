@@ -33,12 +33,16 @@ def test_kernel_equals_its_specification(kernel, spec, arguments):
         np.testing.assert_allclose(our, their, rtol=1e-12, atol=1e-15 * scale)
 
 
+def _modules():
+    """All modules of the core; the harness has no kernels."""
+    for about in pkgutil.walk_packages(tbdcore.__path__, "tbdcore."):
+        if not about.name.startswith(("tbdcore.repro", "tbdcore.__main__")):
+            yield importlib.import_module(about.name)
+
+
 def _kernels():
     """All public kernels of the package."""
-    for about in pkgutil.iter_modules(tbdcore.__path__):
-        if about.ispkg:  # the harness has no kernels
-            continue
-        module = importlib.import_module(f"tbdcore.{about.name}")
+    for module in _modules():
         for name, value in vars(module).items():
             if (
                 hasattr(value, "py_func")
@@ -50,8 +54,8 @@ def _kernels():
 
 def _specified():
     """All functions that have a specification beside them."""
-    for about in pkgutil.iter_modules(tbdcore.__path__):
-        names = vars(importlib.import_module(f"tbdcore.{about.name}")) if not about.ispkg else {}
+    for module in _modules():
+        names = vars(module)
         yield from (names[name.removesuffix("_spec")] for name in names if name.endswith("_spec"))
 
 
@@ -80,5 +84,5 @@ def _spec_calls(tree):
 
 
 def test_no_specification_is_used_in_production():
-    for path in Path(tbdcore.__path__[0]).glob("*.py"):
+    for path in Path(tbdcore.__path__[0]).rglob("*.py"):
         assert not list(_spec_calls(ast.parse(path.read_text(encoding="utf-8")))), path.name

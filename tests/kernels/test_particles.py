@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tbdcore import particles
+from tbdcore.kernels import mda_tbd, mm_pf_tbd
 
 
 def test_normalise_survives_what_would_overflow():
@@ -102,7 +103,7 @@ def test_history_travels_with_the_particle():
         H[k % window], age[:] = code, age + 1
         paths = [(*path, c) for path, c in zip(paths, code, strict=True)]
         ancestors = particles.systematic(rng.random(N + births) ** 4, N, rng.random())
-        H, age = particles.inherit(H, age, ancestors, births)
+        H, age = mda_tbd.inherit(H, age, ancestors, births)
         paths = [paths[a] for a in ancestors] + [()] * births
         for n, path in enumerate(paths):
             assert sorted(H[:, 0, n]) == sorted(
@@ -113,7 +114,7 @@ def test_history_travels_with_the_particle():
 
 def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
     H, age = np.ones((3, 1, 5)), np.full(5, 7)
-    moved, older = particles.inherit(H, age, np.array([4, 4]), 2)
+    moved, older = mda_tbd.inherit(H, age, np.array([4, 4]), 2)
     assert moved.tolist() == [[[1, 1, 0, 0]]] * 3
     assert older.tolist() == [7, 7, 0, 0]
     assert (H == 1).all()
@@ -124,7 +125,7 @@ def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
 def test_a_regime_or_an_ancestor_out_of_range_is_refused(regime, ancestor):
     r, H = np.array([regime, 1]), np.ones((1, 1, 2))
     with pytest.raises(ValueError, match="regimes r must be"):
-        particles.copy_particles(r, np.ones((2, 5)), np.array([1, ancestor]))
+        mm_pf_tbd.copy_particles(r, np.ones((2, 5)), np.array([1, ancestor]))
     if regime == 0:
         with pytest.raises(ValueError, match="ancestors must be"):
-            particles.inherit(H, np.ones(2, int), np.array([1, ancestor]), 0)
+            mda_tbd.inherit(H, np.ones(2, int), np.array([1, ancestor]), 0)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from one_line import result
 
-from tbdcore import association
+from tbdcore.kernels import ljipda_ai
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=150)
 ANY = st.one_of(
@@ -46,17 +46,17 @@ def test_weights_sum_to_one(scene):
     def run(args):
         log_ratio, amplitude, existence, detect = args
         valid = detect.size == existence.size
-        for function in (association.ipda, association.jipda):
+        for function in (ljipda_ai.ipda, ljipda_ai.jipda):
             found = result(function, log_ratio, existence, detect)
             if found:
                 assert valid
                 check_weights(*found, log_ratio.shape)
-        found = result(association.ljipda, log_ratio, amplitude, existence, detect)
+        found = result(ljipda_ai.ljipda, log_ratio, amplitude, existence, detect)
         if found:
             check_weights(*found, log_ratio.shape)
-        seen = result(association.visibility, log_ratio, existence, detect)
+        seen = result(ljipda_ai.visibility, log_ratio, existence, detect)
         assert seen is None or ((seen > 0) & (seen <= 1 + 1e-12)).all()
-        ratio = result(association.modulated_log_ratio, log_ratio, existence, detect)
+        ratio = result(ljipda_ai.modulated_log_ratio, log_ratio, existence, detect)
         if ratio is not None:
             gated = log_ratio > -np.inf
             assert (ratio[~gated] == -np.inf).all()
@@ -70,11 +70,11 @@ def test_weights_sum_to_one(scene):
 def test_uncertain_tracks_are_never_refused(args):
     log_ratio, amplitude, existence, detect = args
     existence, detect = 0.98 * existence, 0.98 * detect
-    check_weights(*association.ipda(log_ratio, existence, detect), log_ratio.shape)
-    check_weights(*association.jipda(log_ratio, existence, detect), log_ratio.shape)
+    check_weights(*ljipda_ai.ipda(log_ratio, existence, detect), log_ratio.shape)
+    check_weights(*ljipda_ai.jipda(log_ratio, existence, detect), log_ratio.shape)
     bounded = np.clip(amplitude, -1e8, 1e8)
     both = np.clip(log_ratio, -np.inf, 1e8)
-    check_weights(*association.ljipda(both, bounded, existence, detect), log_ratio.shape)
+    check_weights(*ljipda_ai.ljipda(both, bounded, existence, detect), log_ratio.shape)
 
 
 @SETTINGS
@@ -86,7 +86,7 @@ def test_gate_keeps_what_is_inside(data):
     gamma, p_gate = data.draw(ANY), data.draw(st.one_of(st.just(1.0), ANY))
     with np.errstate(all="ignore"):
         S = root @ np.swapaxes(root, 1, 2)
-    found = result(association.gate, z, zhat, S, gamma, p_gate)
+    found = result(ljipda_ai.gate, z, zhat, S, gamma, p_gate)
     if found is None:
         return
     picked, log_density = found
@@ -120,10 +120,10 @@ def test_gate_keeps_what_is_inside(data):
 def test_nonsense_is_refused_in_one_line(function, args, words):
     args = [np.array(a) if isinstance(a, list) else a for a in args]
     with pytest.raises(ValueError, match=words) as caught:
-        getattr(association, function)(*args)
+        getattr(ljipda_ai, function)(*args)
     assert "\n" not in str(caught.value)
 
 
 def test_partial_sums_are_limited():
     with pytest.raises(ValueError, match="1 GB"):
-        association.jipda(np.full((16, 5000), -np.inf), np.full(16, 0.5), np.full(16, 0.5))
+        ljipda_ai.jipda(np.full((16, 5000), -np.inf), np.full(16, 0.5), np.full(16, 0.5))

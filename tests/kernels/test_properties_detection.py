@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from one_line import result
+from one_line import public, result
 
 from tbdcore import detection
+from tbdcore.kernels import ljipda_ai, track_cfar
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=200)
 ANY = st.one_of(st.floats(0, 1), st.floats(-100, 100), st.floats())
@@ -28,7 +29,7 @@ def test_thresholds_and_probabilities(many, a, b):
     assert p is None or ((p >= 0) & (p <= 1)).all()
     snr = result(detection.required_snr, many, a)
     assert snr is None or (snr >= 0).all()
-    snr = result(detection.radar_equation, many, a, b)
+    snr = result(track_cfar.radar_equation, many, a, b)
     assert snr is None or ((snr >= 0) & (snr < np.inf)).all()
     level = result(detection.to_db, many)
     assert level is None or not np.isnan(level).any()
@@ -41,7 +42,7 @@ def test_thresholds_and_probabilities(many, a, b):
 @SETTINGS
 @given(arrays(float, st.integers(0, 4), elements=ANY), arrays(float, 2, elements=ANY))
 def test_amplitude_ratio(excess, snr):
-    found = result(detection.amplitude_ratio, excess, snr)
+    found = result(ljipda_ai.amplitude_ratio, excess, snr)
     if found is not None:
         assert found.shape == (2, excess.size)
         assert not np.isnan(found).any()
@@ -54,7 +55,7 @@ def test_false_plots_lie_in_the_gate(values, nth, draw):
     _, p, *rest = values.tolist()
     v, centre, half, cell = rest[:2], rest[2:4], rest[4:6], rest[6:8]
     v, centre, half, cell = (tuple(pair) for pair in (v, centre, half, cell))
-    found = result(detection.false_plot, draw, v, centre, half, cell, p, nth)
+    found = result(track_cfar.false_plot, draw, v, centre, half, cell, p, nth)
     if found and found[0]:
         assert all(abs(y) <= h * (1 + 1e-9) + 1e-9 for y, h in zip(found[1:], half, strict=True))
     elif found:
@@ -89,7 +90,7 @@ GATE = (0.1, (0.5, 0.5), (100.0, 0.1), (50.0, 0.05), (10.0, 0.01), 0.1, 0)
 )
 def test_nonsense_is_refused_in_one_line(function, args, words):
     with pytest.raises(ValueError, match=words) as caught:
-        getattr(detection, function)(*args)
+        public(function, detection, track_cfar, ljipda_ai)(*args)
     assert "\n" not in str(caught.value)
 
 

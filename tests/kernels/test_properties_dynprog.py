@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from one_line import result
 
-from tbdcore import dynprog
+from tbdcore.kernels import dp_tbd
 
 same = settings(derandomize=True, deadline=None, max_examples=100)
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
@@ -24,7 +24,7 @@ NUMBERS = st.integers(-3, 3)
 @given(st.lists(st.floats(-5, 5) | ANY, min_size=1, max_size=6), st.integers(-1, 3))
 def test_margin(values, width):
     z = np.resize(np.array(values), (2, 3, 2))
-    out = result(dynprog.margin, z, width)
+    out = result(dp_tbd.margin, z, width)
     assert (out is None) == (width < 0 or not np.isfinite(z).all())
     if out is not None:
         assert np.isfinite(out).sum() == z.size
@@ -37,7 +37,7 @@ def transition(family, position, velocity, lowest, V, width):
     with np.errstate(over="ignore", invalid="ignore"):
         table = np.outer(position, velocity)
     weights = {"box": (position,), "coupled": (table,)}.get(family, (position, velocity))
-    make = getattr(dynprog, f"{family}_transition")
+    make = getattr(dp_tbd, f"{family}_transition")
     return result(make, *weights, (lowest, lowest + V - 1), width)
 
 
@@ -45,15 +45,15 @@ def transition(family, position, velocity, lowest, V, width):
 @given(st.data(), FAMILIES, WEIGHTS, WEIGHTS, NUMBERS, NUMBERS, st.integers(1, 4))
 def test_forward_and_path(data, family, position, velocity, lowest, width, V):
     values = data.draw(st.lists(st.floats(-5, 5), min_size=4, max_size=4))
-    z = dynprog.margin(np.resize(np.array(values), (3, 4, 3)), max(width, 0))
+    z = dp_tbd.margin(np.resize(np.array(values), (3, 4, 3)), max(width, 0))
     way = transition(family, position, velocity, lowest, V, width)
     if way is None:
         return
-    I = dynprog.forward(z, way).values
+    I = dp_tbd.forward(z, way).values
     assert not np.isnan(I).any()
     assert (I[1:] < np.inf).all()
     state = data.draw(st.tuples(*[st.integers(-1, n) for n in I.shape[1:]]))
-    traced = result(dynprog.path, I, state, way)
+    traced = result(dp_tbd.path, I, state, way)
     inside = all(0 <= s < n for s, n in zip(state, I.shape[1:], strict=True))
     assert (traced is not None) == inside
     if inside:
@@ -71,9 +71,9 @@ def test_maps_of_changed_frames_equal_those_of_a_whole_pass(cells, family, lowes
     w = np.array([0.9, 1.0, 0.8])
     width = 1 + max(abs(lowest), abs(lowest + V - 1))
     way = transition(family, w, w, lowest, V, width)
-    z = dynprog.margin(np.random.default_rng(seed).normal(-1.0, 1.0, (4, 20, 3)), width)
-    maps = dynprog.forward(z, way)
+    z = dp_tbd.margin(np.random.default_rng(seed).normal(-1.0, 1.0, (4, 20, 3)), width)
+    maps = dp_tbd.forward(z, way)
     for k, i, j in cells:
         z[k, width + i, width + j] *= -2.0
-    updated = dynprog.forward(z, way, maps).values
-    assert np.array_equal(updated, dynprog.forward(z, way).values)
+    updated = dp_tbd.forward(z, way, maps).values
+    assert np.array_equal(updated, dp_tbd.forward(z, way).values)

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from one_line import result
+from one_line import public, result
 
 from tbdcore import kalman, motion
+from tbdcore.kernels import ljipda_ai, track_cfar
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=150)
 ODD = st.sampled_from([0.0, -1.0, np.inf, -np.inf, np.nan, 1e308, 1e-308])
@@ -75,9 +76,9 @@ def test_compiled_steps_of_one_track(good):
         value = st.floats(1e-2, 100) if good else ANY
         a, b, c, d = data.draw(arrays(float, 4, elements=value))
         for function, numbers in (
-            (kalman.predict_cv, (a, b)),
-            (kalman.gate_polar, (a, b)),
-            (kalman.update_polar, (a, b, c, d)),
+            (track_cfar.predict_cv, (a, b)),
+            (track_cfar.gate_polar, (a, b)),
+            (track_cfar.update_polar, (a, b, c, d)),
         ):
             found = result(function, x.copy(), P.copy(), *numbers)
             if found is not None:
@@ -100,10 +101,10 @@ def test_compiled_steps_of_several_tracks(good):
         x, P = track
         M, value = data.draw(st.integers(0, 3)), st.floats(1.0, 100) if good else ANY
         F = data.draw(arrays(float, P.shape, elements=value))
-        after = result(kalman.predict_tracks, x, P, F, np.eye(4))
+        after = result(ljipda_ai.predict_tracks, x, P, F, np.eye(4))
         if after and good:
             check_covariances(after[1])
-        found = result(kalman.gate_tracks, x, P, data.draw(value), data.draw(value))
+        found = result(ljipda_ai.gate_tracks, x, P, data.draw(value), data.draw(value))
         if not found:
             return
         zhat, R, D = found
@@ -111,7 +112,7 @@ def test_compiled_steps_of_several_tracks(good):
         assert (np.linalg.det(D) > 0).all() or not good
         z = data.draw(arrays(float, (M, 2), elements=value))
         beta = np.full((len(x), M + 1), 1 / (M + 1))
-        after = result(kalman.update_mixture, x, P, D, z, beta)
+        after = result(ljipda_ai.update_mixture, x, P, D, z, beta)
         if after:
             assert np.isfinite(after[0]).all()
             assert np.isfinite(after[1]).all()
@@ -165,7 +166,7 @@ H, ONE = np.eye(4)[::2], np.ones((1, 1))
 def test_nonsense_is_refused_in_one_line(function, args, words):
     args = [a.copy() if isinstance(a, np.ndarray) else a for a in args]
     with pytest.raises(ValueError, match=words) as caught:
-        getattr(kalman, function)(*args)
+        public(function, kalman, track_cfar, ljipda_ai)(*args)
     assert "\n" not in str(caught.value)
 
 
@@ -173,13 +174,13 @@ def test_nonsense_is_refused_in_one_line(function, args, words):
 def test_a_negative_variance_is_refused_and_the_track_left_as_it_is(axis):
     x, C = X.copy(), P.copy()
     C[axis, axis] = -1e-9
-    for function in (kalman.predict_cv, kalman.gate_polar):
+    for function in (track_cfar.predict_cv, track_cfar.gate_polar):
         with pytest.raises(ValueError, match="P: a variance is negative"):
             function(x, C, 1.0, 1.0)
     assert (x == X).all()
     assert C[axis, axis] == -1e-9
     C[axis, axis] = P[axis, axis]
     with pytest.raises(ValueError, match="result"):
-        kalman.predict_cv(x, C, 1e200, 1e200)
+        track_cfar.predict_cv(x, C, 1e200, 1e200)
     assert (x == X).all()
     assert (C == P).all()

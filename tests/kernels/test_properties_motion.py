@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from one_line import result
+from one_line import public, result
 
 from tbdcore import motion
+from tbdcore.kernels import mm_pf_tbd
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=200)
 ANY = st.one_of(st.floats(0, 0.999), st.floats(-100, 100), st.floats())
@@ -32,7 +33,7 @@ def test_matrices(T, a):
 @SETTINGS
 @given(arrays(float, st.tuples(st.integers(0, 3), st.integers(0, 3)), elements=ANY))
 def test_transition_matrices(Pi):
-    found = result(motion.check_transitions, Pi)
+    found = result(mm_pf_tbd.check_transitions, Pi)
     if found is not None:
         assert Pi.shape[0] == Pi.shape[1] > 0
         np.testing.assert_allclose(Pi.sum(axis=1), 1.0, rtol=1e-9)
@@ -51,7 +52,7 @@ def test_transition(good):
         if not good and data.draw(st.booleans()):
             Pi[1, 1] = data.draw(ANY)
         before = S.copy()
-        found = result(motion.transition, r, S, Pi, T, u, a, omegas, redraw)
+        found = result(mm_pf_tbd.transition, r, S, Pi, T, u, a, omegas, redraw)
         assert found is not None or not good
         if found:
             after, born, states = found
@@ -68,7 +69,7 @@ def test_transition(good):
 @given(arrays(float, (5, 3), elements=ANY), arrays(float, (2, 2), elements=ANY))
 def test_box_states(u, omegas):
     low, width = np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 0.0])
-    S = result(motion.box_states, u, low, width, omegas)
+    S = result(mm_pf_tbd.box_states, u, low, width, omegas)
     if S is None:
         return
     inside = (S[:, :4] >= low) & (S[:, :4] <= low + width)
@@ -95,13 +96,13 @@ def test_nonsense_in_a_transition_is_refused(at, value, words):
     args = [a.copy() if isinstance(a, np.ndarray) else a for a in STEP]
     args[at] = value
     with pytest.raises(ValueError, match=words) as caught:
-        motion.transition(*args)
+        mm_pf_tbd.transition(*args)
     assert "\n" not in str(caught.value)
 
 
 def test_a_box_has_two_intervals_of_the_turn_rate():
     with pytest.raises(ValueError, match="two intervals"):
-        motion.box_states(np.zeros((5, 1)), np.zeros(4), np.ones(4), OMEGAS[:, ::-1])
+        mm_pf_tbd.box_states(np.zeros((5, 1)), np.zeros(4), np.ones(4), OMEGAS[:, ::-1])
 
 
 @pytest.mark.parametrize(
@@ -115,4 +116,4 @@ def test_a_box_has_two_intervals_of_the_turn_rate():
 )
 def test_nonsense_in_a_matrix_is_refused(function, args):
     with pytest.raises(ValueError, match="is no number in"):
-        getattr(motion, function)(*args)
+        public(function, motion, mm_pf_tbd)(*args)

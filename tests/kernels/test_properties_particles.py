@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from one_line import result
 
 from tbdcore import particles
+from tbdcore.kernels import mda_tbd, mm_pf_tbd
 
 same = settings(derandomize=True, deadline=None, max_examples=150)
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
@@ -78,7 +79,7 @@ def test_existence(P, birth, survive, log_ratio):
 )
 def test_copies_and_histories(ancestors, regimes, births):
     r, S = np.array(regimes, int), np.arange(5.0 * len(regimes)).reshape(-1, 5)
-    out = result(particles.copy_particles, r, S, np.array(ancestors, int))
+    out = result(mm_pf_tbd.copy_particles, r, S, np.array(ancestors, int))
     inside = all(0 <= n < len(r) for n in ancestors)
     if inside and all(0 <= r[n] <= 2 for n in ancestors):
         assert out[2].sum() == len(ancestors)
@@ -86,7 +87,7 @@ def test_copies_and_histories(ancestors, regimes, births):
     else:
         assert out is None
     H, age = np.ones((2, 1, len(r))), np.ones(len(r), int)
-    moved = result(particles.inherit, H, age, np.array(ancestors, int), births)
+    moved = result(mda_tbd.inherit, H, age, np.array(ancestors, int), births)
     if inside and births >= 0:
         assert moved[0].sum() == 2 * len(ancestors)
         assert moved[1].size == len(ancestors) + births

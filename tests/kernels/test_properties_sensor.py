@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from one_line import result
 
-from tbdcore import sensor
+from tbdcore.kernels import mda_tbd, mm_pf_tbd
 
 same = settings(derandomize=True, deadline=None, max_examples=150)
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
@@ -32,7 +32,7 @@ def test_blob_ratio(data, shape, typical):
     S = np.zeros((3, 5))
     S[:, 0], S[:, 2] = data.draw(st.tuples(*[st.tuples(PLACES, PLACES, PLACES)] * 2))
     r, peak, blur, noise = np.array([0, 1, 2]), *data.draw(st.tuples(real, real, real))
-    out = result(sensor.blob_log_ratio, z, S, r, peak, blur, noise)
+    out = result(mm_pf_tbd.blob_log_ratio, z, S, r, peak, blur, noise)
     if out is None:
         sound = np.isfinite(z).all() and np.isfinite(S).all() and typical
         assert not sound
@@ -49,13 +49,13 @@ def test_power_ratios(data, shape, typical):
     rho, alpha = (np.array(data.draw(st.tuples(PLACES, PLACES))) for _ in range(2))
     snr = np.array(data.draw(st.tuples(real, real)))
     half = st.integers(0, 6) if typical else st.integers(-1, 6)
-    spread = sensor.Spread(*data.draw(st.tuples(real, real, half, half)))
+    spread = mda_tbd.Spread(*data.draw(st.tuples(real, real, half, half)))
     on = (rho >= 0.5) & (rho < shape[0] + 0.5) & (alpha >= 0.5) & (alpha < shape[1] + 0.5)
-    for ratio in (sensor.power_log_ratio, sensor.coherent_log_ratio):
+    for ratio in (mda_tbd.power_log_ratio, mda_tbd.coherent_log_ratio):
         out = result(ratio, z, rho, alpha, snr, spread)
         assert out is not None or not typical
         if out is not None:
             assert np.isfinite(out[on]).all()
             assert (out[~on] == -np.inf).all()
-    fit = result(sensor.patch_fit, z, rho, alpha, spread)
+    fit = result(mda_tbd.patch_fit, z, rho, alpha, spread)
     assert fit is None or (np.isfinite(fit).all() and (fit[1] >= 0).all())

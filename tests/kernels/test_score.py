@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from tbdcore import score
+from tbdcore.kernels import mda_tbd
 
 
 def test_proportion_and_its_error():
@@ -40,11 +41,11 @@ def test_a_column_of_right_numbers_rarely_differs_and_a_shifted_one_does():
     found = []
     for _ in range(4000):
         ours, paper = root @ rng.standard_normal(r), 2.0 * root @ rng.standard_normal(r)
-        found.append(score.column_test(ours, np.round(paper, 1), C, 4.0, half=0.05))
+        found.append(mda_tbd.column_test(ours, np.round(paper, 1), C, 4.0, half=0.05))
     _, _, z, p = np.array(found).T
     assert abs((np.abs(z) > 1.96).mean() - 0.05) < 4 * math.sqrt(0.05 * 0.95 / 4000)
     assert abs((p < 0.05).mean() - 0.05) < 4 * math.sqrt(0.05 * 0.95 / 4000) + 0.005
-    shift, se, _, p = score.column_test(np.ones(r), np.zeros(r), C, 4.0)
+    shift, se, _, p = mda_tbd.column_test(np.ones(r), np.zeros(r), C, 4.0)
     assert shift == 1.0
     np.testing.assert_allclose(se, math.sqrt(5 * 0.01 * 0.7))
     assert p < 1e-4
@@ -52,6 +53,6 @@ def test_a_column_of_right_numbers_rarely_differs_and_a_shifted_one_does():
 
 def test_the_rounding_of_a_printed_column_adds_its_uniform_variance():
     """Half h: h**2 / 3, so that a difference of one standard deviation has z = 1, p = 0.317."""
-    shift, se, z, p = score.column_test([0.2], [0.0], [[0.01]], 0.0, half=0.3)
+    shift, se, z, p = mda_tbd.column_test([0.2], [0.0], [[0.01]], 0.0, half=0.3)
     np.testing.assert_allclose((shift, se, z), (0.2, 0.2, 1.0))
     np.testing.assert_allclose(p, 0.31731, atol=1e-5)

@@ -8,9 +8,9 @@ from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 from scipy.special import i0e
 
-from tbdcore import sensor
+from tbdcore.kernels import dp_tbd, mda_tbd, mm_pf_tbd
 
-PEAK, BLUR, NOISE = sensor.blob_peak(18.0, 0.6), 0.6, 2.3
+PEAK, BLUR, NOISE = mm_pf_tbd.blob_peak(18.0, 0.6), 0.6, 2.3
 
 
 def blob_states(*positions):
@@ -20,21 +20,21 @@ def blob_states(*positions):
 
 
 def blob_ratio(z, *positions, peak=PEAK, noise=NOISE):
-    return sensor.blob_log_ratio(
+    return mm_pf_tbd.blob_log_ratio(
         z, blob_states(*positions), np.ones(len(positions), np.int64), peak, BLUR, noise
     )
 
 
-@pytest.mark.parametrize("ratio", [sensor.coherent_log_ratio, sensor.power_log_ratio])
+@pytest.mark.parametrize("ratio", [mda_tbd.coherent_log_ratio, mda_tbd.power_log_ratio])
 @pytest.mark.parametrize("snr", [np.nan, np.inf])
 def test_an_intensity_that_is_no_number_is_refused(ratio, snr):
     z, place = np.ones((20, 20)), np.array([10.0])
     with pytest.raises(ValueError, match=r"snr\[0\]: "):
-        ratio(z, place, place, np.array([snr]), sensor.Spread(1.44, 0.11, 2, 6))
+        ratio(z, place, place, np.array([snr]), mda_tbd.Spread(1.44, 0.11, 2, 6))
 
 
 def test_log_bessel_of_nan_is_nan():
-    assert math.isnan(sensor._log_bessel(math.nan, sensor._bessel_table()))
+    assert math.isnan(mda_tbd._log_bessel(math.nan, mda_tbd._bessel_table()))
 
 
 @pytest.mark.parametrize(
@@ -43,18 +43,18 @@ def test_log_bessel_of_nan_is_nan():
 )
 def test_log_bessel_is_as_accurate_as_it_says(x, most):
     """In the table and beyond it, against scipy's scaled function."""
-    table = sensor._bessel_table()
-    ours = np.array([sensor._log_bessel(v, table) for v in x])
+    table = mda_tbd._bessel_table()
+    ours = np.array([mda_tbd._log_bessel(v, table) for v in x])
     np.testing.assert_allclose(ours, np.log(i0e(x)) + x, rtol=1e-15, atol=most)
 
 
 def test_power_beyond_the_limit_of_the_coherent_ratio_is_refused():
-    place, snr, spread = np.array([2.0]), np.array([3.0]), sensor.Spread(1.44, 0.11, 1, 1)
+    place, snr, spread = np.array([2.0]), np.array([3.0]), mda_tbd.Spread(1.44, 0.11, 1, 1)
     z = np.full((3, 3), 1e8)
-    assert sensor.coherent_log_ratio(z, place, place, snr, spread) > 0
+    assert mda_tbd.coherent_log_ratio(z, place, place, snr, spread) > 0
     z[1, 1] = np.nextafter(1e8, np.inf)
     with pytest.raises(ValueError, match=r"z\[1, 1\]: "):
-        sensor.coherent_log_ratio(z, place, place, snr, spread)
+        mda_tbd.coherent_log_ratio(z, place, place, snr, spread)
 
 
 @pytest.mark.parametrize("blur", [0.5, 0.0379, 0.0377, 0.03, 0.02, 1e-4, 1e-9])
@@ -62,29 +62,29 @@ def test_a_sharp_blob_has_a_finite_ratio(blur):
     """At the centre of a cell all of a sharp blob is in this cell; at a corner, in four."""
     z = np.random.default_rng(3).normal(0, NOISE, (9, 9))
     S = blob_states((4, 5), (4.5, 5.5), (4.3, 5.2), (8.9, 0.6))
-    ours = sensor.blob_log_ratio(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
-    theirs = sensor.blob_log_ratio_spec(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
+    ours = mm_pf_tbd.blob_log_ratio(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
+    theirs = mm_pf_tbd.blob_log_ratio_spec(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
     np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-30)
 
 
 @pytest.mark.parametrize("decay", [300.0, 400.0, 700.0, 800.0, 5000.0])
 def test_a_sharp_point_has_finite_ratios(decay):
     z = np.random.default_rng(3).standard_exponential((9, 9))
-    spread = sensor.Spread(decay, decay, 2, 2)
+    spread = mda_tbd.Spread(decay, decay, 2, 2)
     place = np.array([4.0, 4.5, 4.3, 0.5]), np.array([5.0, 5.5, 5.2, 9.4])
-    ours = sensor.power_log_ratio(z, *place, np.full(4, 3.0), spread)
-    theirs = sensor.power_log_ratio_spec(z, *place, np.full(4, 3.0), spread)
+    ours = mda_tbd.power_log_ratio(z, *place, np.full(4, 3.0), spread)
+    theirs = mda_tbd.power_log_ratio_spec(z, *place, np.full(4, 3.0), spread)
     np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-15)
-    assert np.isfinite(sensor.patch_fit(z, *place, spread)).all()
-    assert np.isfinite(sensor.coherent_log_ratio(z, *place, np.full(4, 3.0), spread)).all()
+    assert np.isfinite(mda_tbd.patch_fit(z, *place, spread)).all()
+    assert np.isfinite(mda_tbd.coherent_log_ratio(z, *place, np.full(4, 3.0), spread)).all()
 
 
 def test_a_strong_intensity_does_not_overflow():
     z, place = np.ones((9, 30)), (np.array([4.2]), np.array([15.1]))
-    spread, snr = sensor.Spread(1e-3, 1e-3, 4, 12), np.array([1e45])
-    ours = sensor.power_log_ratio(z, *place, snr, spread)
+    spread, snr = mda_tbd.Spread(1e-3, 1e-3, 4, 12), np.array([1e45])
+    ours = mda_tbd.power_log_ratio(z, *place, snr, spread)
     np.testing.assert_allclose(
-        ours, sensor.power_log_ratio_spec(z, *place, snr, spread), rtol=1e-12
+        ours, mda_tbd.power_log_ratio_spec(z, *place, snr, spread), rtol=1e-12
     )
 
 
@@ -116,14 +116,14 @@ def test_particles_of_one_cell_have_the_bits_that_they_have_alone(shape, spread)
     rho, alpha, snr = many_in_cells(shape, counts, rng)
     snr[::50], snr[1::50] = 1e45, 1e-300
     z = rng.standard_exponential(shape).astype(np.float32)
-    spread = sensor.Spread(*spread)
-    together = sensor.power_log_ratio(z, rho, alpha, snr, spread)
+    spread = mda_tbd.Spread(*spread)
+    together = mda_tbd.power_log_ratio(z, rho, alpha, snr, spread)
     for n in range(0, rho.size, 3):
         one = slice(n, n + 1)
-        alone = sensor.power_log_ratio(z, rho[one], alpha[one], snr[one], spread)
+        alone = mda_tbd.power_log_ratio(z, rho[one], alpha[one], snr[one], spread)
         assert together[n] == alone[0]
     few = slice(0, 400)
-    spec = sensor.power_log_ratio_spec(z, rho[few], alpha[few], snr[few], spread)
+    spec = mda_tbd.power_log_ratio_spec(z, rho[few], alpha[few], snr[few], spread)
     np.testing.assert_allclose(together[few], spec, rtol=1e-9, atol=1e-9)
 
 
@@ -132,13 +132,13 @@ def test_what_is_not_finite_stays_with_its_particle():
     rng = np.random.default_rng(8)
     rho, alpha = np.full(40, 5.1), np.full(40, 8.3)
     z, snr = rng.standard_exponential((9, 15)), np.full(40, 4.0)
-    spread = sensor.Spread(1e-3, 1e-3, 4, 12)
-    usual = sensor.power_log_ratio(z, rho, alpha, snr, spread)
-    snr[7] = sensor.HIGH
-    ours = sensor.power_log_ratio(z, rho, alpha, snr, spread)
+    spread = mda_tbd.Spread(1e-3, 1e-3, 4, 12)
+    usual = mda_tbd.power_log_ratio(z, rho, alpha, snr, spread)
+    snr[7] = mda_tbd.HIGH
+    ours = mda_tbd.power_log_ratio(z, rho, alpha, snr, spread)
     assert np.array_equal(np.delete(ours, 7), np.delete(usual, 7))
     assert ours[7] == pytest.approx(
-        sensor.power_log_ratio_spec(z, rho[:1], alpha[:1], snr[7:8], spread)[0], rel=1e-12
+        mda_tbd.power_log_ratio_spec(z, rho[:1], alpha[:1], snr[7:8], spread)[0], rel=1e-12
     )
 
 
@@ -149,7 +149,7 @@ def test_blob_energy_depends_on_where_in_the_cell_it_falls(position, d2):
     """Sum of h**2 / sigma**2, by hand on 5 x 5 cells; the integral I**2 / (4 pi b**2 sigma**2) =
     13.54 lies between.
     """
-    h = sensor.blob_image(*position, PEAK, BLUR, (30, 20))
+    h = mm_pf_tbd.blob_image(*position, PEAK, BLUR, (30, 20))
     x, y = position
     hand = sum(
         (PEAK * math.exp(-((i - x) ** 2 + (j - y) ** 2) / (2 * BLUR**2)) / NOISE) ** 2
@@ -163,7 +163,7 @@ def test_blob_energy_depends_on_where_in_the_cell_it_falls(position, d2):
 
 def test_blob_log_ratio_without_noise_is_half_the_energy():
     """z = h gives + d**2 / 2, z = 0 gives - d**2 / 2."""
-    h = sensor.blob_image(15.2, 9.7, PEAK, BLUR, (30, 20))
+    h = mm_pf_tbd.blob_image(15.2, 9.7, PEAK, BLUR, (30, 20))
     d2 = (h**2).sum() / NOISE**2
     assert blob_ratio(h, (15.2, 9.7))[0] == pytest.approx(d2 / 2, rel=1e-7)
     assert blob_ratio(0 * h, (15.2, 9.7))[0] == pytest.approx(-d2 / 2, rel=1e-7)
@@ -171,7 +171,7 @@ def test_blob_log_ratio_without_noise_is_half_the_energy():
 
 def test_blob_mean_log_ratio_under_target():
     rng = np.random.default_rng(8)
-    h = sensor.blob_image(7.9, 3.3, PEAK, BLUR, (12, 8))
+    h = mm_pf_tbd.blob_image(7.9, 3.3, PEAK, BLUR, (12, 8))
     d2 = (h**2).sum() / NOISE**2
     values = [blob_ratio(h + rng.normal(0, NOISE, h.shape), (7.9, 3.3))[0] for _ in range(4000)]
     assert np.mean(values) == pytest.approx(d2 / 2, abs=4 * math.sqrt(d2 / 4000))
@@ -186,7 +186,12 @@ def test_blob_mean_ratio_under_noise_is_one():
     weak = PEAK / 4  # d**2 about 0.9, so the ratio has a variance of exp(0.9) - 1
     z = rng.normal(0, NOISE, (40_000, 5, 5))
     values = np.array([blob_ratio(frame, (3.2, 2.9), peak=weak)[0] for frame in z])
-    d2 = weak**2 / PEAK**2 * (sensor.blob_image(3.2, 2.9, PEAK, BLUR, (5, 5)) ** 2).sum() / NOISE**2
+    d2 = (
+        weak**2
+        / PEAK**2
+        * (mm_pf_tbd.blob_image(3.2, 2.9, PEAK, BLUR, (5, 5)) ** 2).sum()
+        / NOISE**2
+    )
     assert np.exp(values).mean() == pytest.approx(1.0, abs=4 * math.sqrt(math.expm1(d2) / 40_000))
 
 
@@ -195,7 +200,7 @@ def test_blob_mean_ratio_under_noise_is_one():
 )
 def test_blob_curvature_is_the_cramer_rao_bound_of_one_frame(position, bound):
     """Second difference of the mean log-ratio against sum (dh/dx)**2 / sigma**2, in both axes."""
-    h = sensor.blob_image(*position, PEAK, BLUR, (30, 20))
+    h = mm_pf_tbd.blob_image(*position, PEAK, BLUR, (30, 20))
     i, j = np.mgrid[1:31, 1:21]
     fisher = [
         (((cell - centre) / BLUR**2 * h / NOISE) ** 2).sum()
@@ -235,7 +240,7 @@ def test_a_blob_outside_the_frame_lights_the_cells_that_its_patch_has_in_it():
 
 
 def test_blob_image_of_many_positions_and_of_none():
-    many = sensor.blob_image(np.array([3.0, np.nan]), np.array([4.0, np.nan]), 2.0, BLUR, (6, 7))
+    many = mm_pf_tbd.blob_image(np.array([3.0, np.nan]), np.array([4.0, np.nan]), 2.0, BLUR, (6, 7))
     assert many.shape == (2, 6, 7)
     assert many[0, 2, 3] == 2.0
     assert (many[1] == 0).all()
@@ -248,13 +253,13 @@ def test_zero_signal_has_ratio_one():
 
 # Range and azimuth
 
-GRID = sensor.polar_grid(11e3, 12e3, math.pi / 4, math.pi / 2, 2.0, math.radians(0.5))
-SPREAD = sensor.Spread(0.36 * 4.0, 1460 * math.radians(0.5) ** 2, 2, 6)
+GRID = mda_tbd.polar_grid(11e3, 12e3, math.pi / 4, math.pi / 2, 2.0, math.radians(0.5))
+SPREAD = mda_tbd.Spread(0.36 * 4.0, 1460 * math.radians(0.5) ** 2, 2, 6)
 
 
 def power_ratio(z, rho, alpha, snr, spread=SPREAD):
     rho, alpha = np.atleast_1d(np.asarray(rho, float)), np.atleast_1d(np.asarray(alpha, float))
-    return sensor.power_log_ratio(
+    return mda_tbd.power_log_ratio(
         z, rho, alpha, np.broadcast_to(np.asarray(snr, float), rho.shape).copy(), spread
     )
 
@@ -265,11 +270,11 @@ def test_polar_grid_and_cells():
     """
     assert GRID[4:] == (500, 90)
     r, a = GRID.r_min + 2.0 * 7.25, GRID.a_min + math.radians(0.5) * 30.5
-    assert sensor.polar_cells(r * math.cos(a), r * math.sin(a), GRID) == pytest.approx(
+    assert mda_tbd.polar_cells(r * math.cos(a), r * math.sin(a), GRID) == pytest.approx(
         (7.75, 31.0), abs=1e-8
     )
     with pytest.raises(ValueError, match="range: the region has 333.333 cells"):
-        sensor.polar_grid(11e3, 12e3, 0.0, 1.0, 3.0, 0.5)
+        mda_tbd.polar_grid(11e3, 12e3, 0.0, 1.0, 3.0, 0.5)
 
 
 @pytest.mark.parametrize("a_min", [-6.0, -math.pi, -1.0, -0.1, 0.0, 0.4, 3.0, 6.0])
@@ -277,38 +282,38 @@ def test_polar_grid_and_cells():
 def test_a_region_may_lie_at_any_azimuth(a_min, na):
     """Up to a whole circle of 314 cells, and positions of both signs."""
     da = math.pi / 157
-    grid = sensor.polar_grid(0.0, 900.0, a_min, a_min + na * da, 1.0, da)
+    grid = mda_tbd.polar_grid(0.0, 900.0, a_min, a_min + na * da, 1.0, da)
     alpha = np.linspace(0.51, na + 0.49, 97)
     a = a_min + da * (alpha - 0.5)
-    found = sensor.polar_cells(400.0 * np.cos(a), 400.0 * np.sin(a), grid)
+    found = mda_tbd.polar_cells(400.0 * np.cos(a), 400.0 * np.sin(a), grid)
     assert found[0] == pytest.approx(400.5)
     assert found[1] == pytest.approx(alpha, abs=1e-9)
 
 
 def test_the_axes_have_azimuths_and_the_radar_has_none():
-    grid = sensor.polar_grid(0.0, 9.0, -math.pi / 2, math.pi, 1.0, math.pi / 2)
+    grid = mda_tbd.polar_grid(0.0, 9.0, -math.pi / 2, math.pi, 1.0, math.pi / 2)
     x, y = np.array([[1, 0, -1, 0, 1, 0], [0, 1, 0, -1, -0.0, 0]])
-    assert sensor.polar_cells(x, y, grid)[1][:5] == pytest.approx([1.5, 2.5, 3.5, 0.5, 1.5])
-    assert np.isnan(sensor.polar_cells(x, y, grid)[1][5])
+    assert mda_tbd.polar_cells(x, y, grid)[1][:5] == pytest.approx([1.5, 2.5, 3.5, 0.5, 1.5])
+    assert np.isnan(mda_tbd.polar_cells(x, y, grid)[1][5])
 
 
 @pytest.mark.parametrize("sector", [(45.0, 46.0), (0.0, 8.0)])
 def test_a_sector_beyond_a_circle_is_refused(sector):
     with pytest.raises(ValueError, match="azimuth: .* rad; give radians, at most a circle"):
-        sensor.polar_grid(0.0, 900.0, *sector, 1.0, 0.1)
+        mda_tbd.polar_grid(0.0, 900.0, *sector, 1.0, 0.1)
 
 
 def test_spread_closed_forms():
     """Area pi / sqrt(0.36 x 1460) / (2 m x 0.5 deg) = 7.851 cells."""
-    assert sensor.spread_area(SPREAD) == pytest.approx(7.851, abs=5e-4)
-    assert sensor.spread_power(250.2, 45.4, SPREAD, (500, 90)).sum() == pytest.approx(
+    assert mda_tbd.spread_area(SPREAD) == pytest.approx(7.851, abs=5e-4)
+    assert mda_tbd.spread_power(250.2, 45.4, SPREAD, (500, 90)).sum() == pytest.approx(
         7.851, abs=0.01
     )
 
 
 def test_patch_holds_the_power():
     """5 x 13 cells hold 99.8 % of sum h**2 for a point in the middle of its cell."""
-    h2 = sensor.spread_power(250.0, 45.0, SPREAD, (500, 90))
+    h2 = mda_tbd.spread_power(250.0, 45.0, SPREAD, (500, 90))
     assert h2[247:252, 38:51].sum() / h2.sum() == pytest.approx(0.998, abs=5e-4)
 
 
@@ -321,10 +326,10 @@ def test_illuminated_cells_are_exponential_with_the_right_mean(common):
     z = rng.standard_exponential((n, 9, 15))
     place = np.full(n, 5.3), np.full(n, 8.2)
     if common:
-        sensor.add_target(z, *place, snr * rng.standard_exponential(n), SPREAD, rng)
+        mda_tbd.add_target(z, *place, snr * rng.standard_exponential(n), SPREAD, rng)
     else:
-        sensor.add_target(z, *place, snr, SPREAD, None)
-    mean = 1.0 + snr * sensor.spread_power(5.3, 8.2, SPREAD, (9, 15))
+        mda_tbd.add_target(z, *place, snr, SPREAD, None)
+    mean = 1.0 + snr * mda_tbd.spread_power(5.3, 8.2, SPREAD, (9, 15))
     assert (
         abs(z.mean(axis=0) / mean - 1.0) < 4.5 / math.sqrt(n)
     ).all()  # 135 cells: 4.5 standard errors
@@ -340,7 +345,7 @@ def test_illuminated_cells_are_exponential_with_the_right_mean(common):
 @pytest.mark.parametrize("shape", [(3, 50, 40), (0, 5, 5)])
 def test_noise_power_is_the_generators_own_draw(shape):
     ours, theirs = (np.random.default_rng(9) for _ in range(2))
-    z = sensor.noise_power(shape, ours)
+    z = mda_tbd.noise_power(shape, ours)
     assert z.dtype == np.float32
     assert np.array_equal(z, theirs.standard_exponential(shape, dtype=np.float32))
     assert ours.random() == theirs.random(), "the stream must go on where NumPy's does"
@@ -351,7 +356,7 @@ def test_target_outside_the_area_is_refused():
     with pytest.raises(
         ValueError, match=r"target at cell \(9.6, 8.0\) is outside \(9, 15\); move it"
     ):
-        sensor.add_target(
+        mda_tbd.add_target(
             z, np.full(3, 9.6), np.full(3, 8.0), np.ones(3), SPREAD, np.random.default_rng(0)
         )
 
@@ -363,13 +368,13 @@ def test_power_ratio_mean_under_noise_is_one():
     rng, n, snr = np.random.default_rng(6), 40_000, 0.15
     z = rng.standard_exponential((n, 7, 15))
     values = np.exp([power_ratio(frame, 4.2, 7.9, snr)[0] for frame in z])
-    s = snr * sensor.spread_power(4.2, 7.9, SPREAD, (7, 15))[1:6, 1:14]
+    s = snr * mda_tbd.spread_power(4.2, 7.9, SPREAD, (7, 15))[1:6, 1:14]
     second = np.prod((1 + s) ** 2 / (1 + 2 * s))
     assert values.mean() == pytest.approx(1.0, abs=4 * math.sqrt((second - 1) / n))
 
 
 def test_power_ratio_peaks_at_the_target_and_is_minus_infinity_off_the_frame():
-    z = 1.0 + 9.0 * sensor.spread_power(30.3, 20.6, SPREAD, (60, 40))
+    z = 1.0 + 9.0 * mda_tbd.spread_power(30.3, 20.6, SPREAD, (60, 40))
     rho, alpha = (
         v.ravel()
         for v in np.meshgrid(np.arange(28, 33, 0.1), np.arange(15, 25, 0.1), indexing="ij")
@@ -384,11 +389,11 @@ def test_least_squares_fit_of_a_mismatched_spread():
     """Wide and narrow assumed spreads, factor c on both decays: the fitted intensity is 2 c / (1 +
     c) of the true one.
     """
-    spread = sensor.Spread(0.02, 0.02, 60, 60)  # fine cells, so that sums are integrals
-    z = 1.0 + 5.0 * sensor.spread_power(100.0, 100.0, spread, (199, 199))
+    spread = mda_tbd.Spread(0.02, 0.02, 60, 60)  # fine cells, so that sums are integrals
+    z = 1.0 + 5.0 * mda_tbd.spread_power(100.0, 100.0, spread, (199, 199))
     for c in (0.5, 1.0, 2.0):
-        assumed = sensor.Spread(0.02 * c, 0.02 * c, 60, 60)
-        top, bottom = sensor.patch_fit(z, np.array([100.0]), np.array([100.0]), assumed)
+        assumed = mda_tbd.Spread(0.02 * c, 0.02 * c, 60, 60)
+        top, bottom = mda_tbd.patch_fit(z, np.array([100.0]), np.array([100.0]), assumed)
         assert top[0] / bottom[0] / 5.0 == pytest.approx(2 * c / (1 + c), rel=1e-4)
 
 
@@ -398,7 +403,7 @@ def coherent_oracle(z, rho, alpha, snr, spread):
     near = np.outer(
         abs(i - math.floor(rho + 0.5)) <= spread.hr, abs(j - math.floor(alpha + 0.5)) <= spread.ha
     )
-    h2 = sensor.spread_power(rho, alpha, spread, z.shape)[near]
+    h2 = mda_tbd.spread_power(rho, alpha, spread, z.shape)[near]
     x = 2.0 * np.sqrt(h2 * z[near])
 
     def log_integrand(t):
@@ -425,33 +430,33 @@ def coherent_oracle(z, rho, alpha, snr, spread):
 def test_coherent_ratio_equals_the_quadrature(level, patch):
     """Noise, and a target of 0 to 80 dB in it, with intensities below and above its own."""
     rng = np.random.default_rng(7)
-    spread = sensor.Spread(0.3, 0.1, *patch)
-    z = rng.standard_exponential((20, 25)) + level * sensor.spread_power(
+    spread = mda_tbd.Spread(0.3, 0.1, *patch)
+    z = rng.standard_exponential((20, 25)) + level * mda_tbd.spread_power(
         9.7, 12.2, spread, (20, 25)
     )
     z = np.minimum(z, 1e8)
     for rho, alpha, snr in ((9.7, 12.2, 4.0), (9.2, 13.1, 3.0 + 3.0 * level), (20.4, 1.0, 0.02)):
         exact = coherent_oracle(z, rho, alpha, snr, spread)
         for step, error in ((0.25, 1e-4), (0.8, 1e-2)):
-            ours = sensor.coherent_log_ratio(z, [rho], [alpha], [snr], spread, step)
+            ours = mda_tbd.coherent_log_ratio(z, [rho], [alpha], [snr], spread, step)
             assert ours[0] == pytest.approx(exact, abs=error, rel=1e-9)
 
 
 def test_a_large_patch_of_the_largest_power_has_a_ratio():
     """The integral begins at its maximum, so that this ends at once; benchmarks time it."""
-    large = sensor.Spread(1e-4, 1e-4, 60, 60)
-    assert sensor.coherent_log_ratio(np.full((99, 99), 1e8), [50], [50], [1e50], large)[0] > 1e10
+    large = mda_tbd.Spread(1e-4, 1e-4, 60, 60)
+    assert mda_tbd.coherent_log_ratio(np.full((99, 99), 1e8), [50], [50], [1e50], large)[0] > 1e10
 
 
 def test_coherent_ratio_equals_a_dense_sum():
     rng = np.random.default_rng(7)
     z = rng.standard_exponential((1, 20, 25))
-    sensor.add_target(z, np.array([9.7]), np.array([12.2]), np.array([30.0]), SPREAD, rng)
+    mda_tbd.add_target(z, np.array([9.7]), np.array([12.2]), np.array([30.0]), SPREAD, rng)
     rho = np.r_[9.7, 9.7 + rng.normal(size=20), 0.6, 20.4, -1.0]
     alpha = np.r_[12.2, 12.2 + 2 * rng.normal(size=20), 1.0, 25.3, 5.0]
     spread, snr = SPREAD._replace(hr=1, ha=4), np.full(rho.size, 4.0)
-    exact = sensor.coherent_log_ratio_spec(z[0], rho, alpha, snr, spread)
-    ours = sensor.coherent_log_ratio(z[0], rho, alpha, snr, spread, 0.2)
+    exact = mda_tbd.coherent_log_ratio_spec(z[0], rho, alpha, snr, spread)
+    ours = mda_tbd.coherent_log_ratio(z[0], rho, alpha, snr, spread, 0.2)
     assert ours == pytest.approx(exact, abs=5e-5)
 
 
@@ -462,13 +467,13 @@ def test_coherent_ratio_of_one_cell_is_the_power_ratio():
     z = np.random.default_rng(8).standard_exponential((9, 9)) * 6
     one = SPREAD._replace(hr=0, ha=0)
     rho, alpha, snr = np.arange(1.2, 9), np.arange(1.4, 9), np.linspace(0.5, 9, 8)
-    ours = sensor.coherent_log_ratio(z, rho, alpha, snr, one, 0.1)
-    assert ours == pytest.approx(sensor.power_log_ratio(z, rho, alpha, snr, one), abs=1e-5)
+    ours = mda_tbd.coherent_log_ratio(z, rho, alpha, snr, one, 0.1)
+    assert ours == pytest.approx(mda_tbd.power_log_ratio(z, rho, alpha, snr, one), abs=1e-5)
 
 
 def test_coherent_ratio_without_intensity_and_off_the_frame():
     z, place = np.ones((9, 9)), (np.array([4.0, 0.4]), np.array([4.0, 4.0]))
-    assert sensor.coherent_log_ratio(z, *place, np.array([0.0, 2.0]), SPREAD).tolist() == [
+    assert mda_tbd.coherent_log_ratio(z, *place, np.array([0.0, 2.0]), SPREAD).tolist() == [
         0.0,
         -np.inf,
     ]
@@ -477,9 +482,9 @@ def test_coherent_ratio_without_intensity_and_off_the_frame():
 def test_coherent_ratio_mean_under_noise_is_one():
     rng, n = np.random.default_rng(9), 20_000
     z = rng.standard_exponential((n, 3, 3))
-    spread = sensor.Spread(1.44, 0.11, 1, 1)
+    spread = mda_tbd.Spread(1.44, 0.11, 1, 1)
     particle = np.array([2.1]), np.array([1.9]), np.array([0.1])
-    values = np.exp([sensor.coherent_log_ratio(frame, *particle, spread, 0.3)[0] for frame in z])
+    values = np.exp([mda_tbd.coherent_log_ratio(frame, *particle, spread, 0.3)[0] for frame in z])
     assert values.mean() == pytest.approx(1.0, abs=4 * values.std() / math.sqrt(n))
 
 
@@ -491,9 +496,9 @@ def test_point_target_adds_its_amplitude_to_one_cell_of_each_frame():
         np.random.default_rng(0).normal(size=(3, 4, 5)),
         np.array([[0, 0], [3, 4], [1, 2]]),
     )
-    amplitude = sensor.point_amplitude(9.0)
+    amplitude = dp_tbd.point_amplitude(9.0)
     assert amplitude == pytest.approx(2.8184, abs=5e-5)
-    added = sensor.point_frames(noise, cells, amplitude) - noise
+    added = dp_tbd.point_frames(noise, cells, amplitude) - noise
     assert np.count_nonzero(added) == 3
     np.testing.assert_allclose([added[k][tuple(cells[k])] for k in range(3)], amplitude, rtol=1e-12)
 
@@ -503,5 +508,5 @@ def test_point_target_adds_its_amplitude_to_one_cell_of_each_frame():
 )
 def test_point_target_outside_the_frame_is_refused_in_one_line(cells):
     with pytest.raises(ValueError, match="point_frames: cells") as error:
-        sensor.point_frames(np.zeros((3, 4, 5)), np.array(cells), 1.0)
+        dp_tbd.point_frames(np.zeros((3, 4, 5)), np.array(cells), 1.0)
     assert "\n" not in str(error.value)

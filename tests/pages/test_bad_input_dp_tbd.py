@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import sensor
+from tbdcore.kernels import dp_tbd
 
 page = tbdcore.page("dp_tbd")
 P = page.Scenario(K=5, grid=(9, 14), M=2)
@@ -45,7 +45,7 @@ def spoiled(value):
 def off_the_frame():
     x = np.array([351_550.0, 350_350.0, 170.0, 190.0])
     cells = page.truth(-0.4, x, page.Scenario(), None)[1]
-    return sensor.point_frames(np.zeros((11, 50, 50)), cells, 1.0)
+    return dp_tbd.point_frames(np.zeros((11, 50, 50)), cells, 1.0)
 
 
 def never_inside():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import misfit
+from tbdcore.recording import misfit
 
 page = tbdcore.page("mm_pf_tbd")
 P = page.Scenario(M=50, M_new=50)

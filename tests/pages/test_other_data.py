@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore import misfit, motion, recording
+from tbdcore import motion, recording
+from tbdcore.recording import misfit
 from tbdcore.repro import paths
 
 SEEDS = range(4)

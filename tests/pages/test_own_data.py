@@ -11,7 +11,8 @@ from scipy.io import savemat
 
 import tbdcore
 from benchmarks import misfit as bench
-from tbdcore import misfit, motion, noise, recording
+from tbdcore import motion, noise, recording
+from tbdcore.recording import misfit
 from tbdcore.repro import paths
 
 TEXT = (paths.root() / "docs" / "own_data.md").read_text(encoding="utf-8")

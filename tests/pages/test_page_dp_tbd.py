@@ -16,7 +16,9 @@ import pytest
 from scipy import integrate, special
 
 import tbdcore
-from tbdcore import dynprog, misfit, motion, recording, sensor, state
+from tbdcore import motion, recording, state
+from tbdcore.kernels import dp_tbd
+from tbdcore.recording import misfit
 from tbdcore.repro import pages, paths
 
 START = np.array([351_550.0, 350_350.0, 170.0, 190.0])
@@ -301,7 +303,7 @@ def test_tonissen_has_no_path_near_a_strong_turn_by_propagating_sets(p, page):
 def test_the_margin_is_as_wide_as_the_longest_step(page, p):
     assert page.reach(p) == p.M + p.slack_pos
     z = np.zeros((1, *p.grid))
-    assert page.prepare(z, p).shape == dynprog.margin(z, 4).shape
+    assert page.prepare(z, p).shape == dp_tbd.margin(z, 4).shape
 
 
 # Certain cases ------------------------------------------------------------------------------------
@@ -309,7 +311,7 @@ def test_the_margin_is_as_wide_as_the_longest_step(page, p):
 
 def test_a_strong_straight_target_is_followed_by_all_three(page, p):
     cells = page.truth(0.0, START, p, None)[1]
-    z = sensor.point_frames(np.random.default_rng(0).normal(size=(p.K, *p.grid)), cells, 12.0)
+    z = dp_tbd.point_frames(np.random.default_rng(0).normal(size=(p.K, *p.grid)), cells, 12.0)
     for track in page.best_tracks(z, p):
         np.testing.assert_array_equal(track.cells, cells)
     assert page.best_tracks(z, p).tonissen.value == pytest.approx(
@@ -319,7 +321,7 @@ def test_a_strong_straight_target_is_followed_by_all_three(page, p):
 
 def test_a_strong_turning_target_is_lost_by_tonissen_alone(page, p):
     cells = page.truth(0.4, START, p, None)[1]
-    z = sensor.point_frames(np.zeros((p.K, *p.grid)), cells, 12.0)
+    z = dp_tbd.point_frames(np.zeros((p.K, *p.grid)), cells, 12.0)
     far = [np.abs(track.cells - cells).max() for track in page.best_tracks(z, p)]
     assert far[0] == far[2] == 0
     assert far[1] > 2
@@ -327,12 +329,12 @@ def test_a_strong_turning_target_is_lost_by_tonissen_alone(page, p):
 
 def test_one_frame_finds_the_target_as_often_as_the_integral_says(page, p):
     """With one frame there is nothing to integrate, and all three sets agree."""
-    A, n, hits = float(sensor.point_amplitude(11.0)), 400, []
+    A, n, hits = float(dp_tbd.point_amplitude(11.0)), 400, []
     phi = lambda z: math.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)  # noqa: E731
     exact = integrate.quad(lambda z: phi(z - A) * special.ndtr(z) ** 2499, A - 9, A + 9)[0]
     rng = np.random.default_rng(8)
     for _ in range(n):
-        z = sensor.point_frames(rng.standard_normal((1, *p.grid)), np.array([[25, 25]]), A)
+        z = dp_tbd.point_frames(rng.standard_normal((1, *p.grid)), np.array([[25, 25]]), A)
         z = page.prepare(z, p)
         found = [page.track(z, f(p, float), p).cells[0].tolist() for f in page.ALGORITHMS]
         assert found[0] == found[1] == found[2]
@@ -625,12 +627,12 @@ def test_the_weighted_set_reaches_every_direction_with_one_speed_more(page):
 
 def last_passage(K, n, seed):
     """Largest sums (n,) of K exponential cells on paths that stay or step by one, from one cell."""
-    rng, transition = np.random.default_rng(seed), dynprog.box_transition([0, 1, 1], (0, 0), 1)
+    rng, transition = np.random.default_rng(seed), dp_tbd.box_transition([0, 1, 1], (0, 0), 1)
     found = []
     for _ in range(n):
         z = rng.standard_exponential((K, K + 1, 1))
         z[0, :K] = -1e9
-        found.append(dynprog.forward(dynprog.margin(z, 1), transition).values[-1].max())
+        found.append(dp_tbd.forward(dp_tbd.margin(z, 1), transition).values[-1].max())
     return np.array(found)
 
 
@@ -761,7 +763,7 @@ def test_a_target_in_prepared_frames_has_the_bits_of_prepared_frames_with_a_targ
     q, rng = replace(p, **change), np.random.default_rng(4)
     w = rng.normal(q.mean, q.sigma2**0.5, (q.K, *q.grid)).astype(np.float32)
     cells = rng.integers(0, q.grid[0], (q.K, 2))
-    expected = page.prepare(sensor.point_frames(w, cells, 2.3), q)
+    expected = page.prepare(dp_tbd.point_frames(w, cells, 2.3), q)
     found = space["add_target"](page.prepare(w, q), w, cells, np.float64(2.3), q)
     assert found.dtype == expected.dtype
     assert np.array_equal(found, expected)

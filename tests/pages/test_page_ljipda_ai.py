@@ -12,7 +12,9 @@ import pytest
 from scipy import stats
 
 import tbdcore
-from tbdcore import association, detection, kalman, misfit, motion
+from tbdcore import detection, kalman, motion
+from tbdcore.kernels import ljipda_ai
+from tbdcore.recording import misfit
 from tbdcore.repro import claims, pages, paths
 
 page = tbdcore.page("ljipda_ai")
@@ -250,7 +252,7 @@ def test_without_clutter_the_error_reaches_the_bound():
     error = np.array([states(p, "LJIPDA", i)[0][-1] - X[-1] for i in range(300)])[..., ::2]
     var = np.diag([p.sigma_r**2, math.radians(p.sigma_theta_deg) ** 2])
     R = np.array([[kalman.polar_noise(w, var) for w in scan] for scan in kalman.polar(X)])
-    bound = kalman.position_bound(F, R, page.start_covariance(p), p.p_detect)[-1]
+    bound = ljipda_ai.position_bound(F, R, page.start_covariance(p), p.p_detect)[-1]
     pairs = zip(bound, error.transpose(1, 0, 2), strict=True)
     trace = np.array([np.linalg.solve(b[::2, ::2], e.T @ e).trace() / 600 for b, e in pairs])
     assert (trace > 1 - 4 * math.sqrt(1 / 300)).all()
@@ -290,10 +292,10 @@ def test_strict_visibility_is_one_over_one_plus_the_odds_of_the_others():
 def test_every_way_to_share_is_its_association():
     ratio, loud, P, D = small_scan()
     same = {
-        page.VISIBLE: association.ljipda(ratio, loud, P, D),
-        page.EXACT: association.jipda(ratio + loud, P, D),
-        page.MODULATED: association.ipda(association.modulated_log_ratio(ratio + loud, P, D), P, D),
-        page.ALONE: association.ipda(ratio + loud, P, D),
+        page.VISIBLE: ljipda_ai.ljipda(ratio, loud, P, D),
+        page.EXACT: ljipda_ai.jipda(ratio + loud, P, D),
+        page.MODULATED: ljipda_ai.ipda(ljipda_ai.modulated_log_ratio(ratio + loud, P, D), P, D),
+        page.ALONE: ljipda_ai.ipda(ratio + loud, P, D),
     }
     for how, found in same.items():
         for ours, theirs in zip(page.associate(how, ratio, loud, P, D), found, strict=True):
@@ -316,7 +318,7 @@ def test_the_indicator_gives_a_shared_amplitude_to_one_track_or_to_none():
         omega = page.indicator_of(how, ratio, P, D)
         np.testing.assert_array_equal(omega, [[1, shared[0], 0], [0, shared[1], 1]])
         found = page.associate(how, ratio, loud, P, D)
-        for ours, theirs in zip(found, association.ljipda(ratio, loud * omega, P, D), strict=True):
+        for ours, theirs in zip(found, ljipda_ai.ljipda(ratio, loud * omega, P, D), strict=True):
             np.testing.assert_array_equal(ours, theirs)
     swapped = page.indicator_of(page.LARGEST, ratio[::-1].copy(), P[::-1].copy(), D)
     np.testing.assert_array_equal(swapped, [[0, 0, 1], [1, 1, 0]])
@@ -340,7 +342,7 @@ def test_a_prior_by_plot_is_shared_among_the_tracks_without_existence():
     odds = D[:, None] * share / (1 - D[:, None] * share)
     visible = (1 + odds) / (1 + odds.sum(axis=0))
     with np.errstate(divide="ignore"):
-        known = association.ipda(ratio + np.log(visible) + loud, P, D)
+        known = ljipda_ai.ipda(ratio + np.log(visible) + loud, P, D)
     found = page.associate(page.BY_PLOT, ratio, loud, P, D)
     for ours, theirs in zip(found, known, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12)
@@ -353,7 +355,7 @@ def test_the_squared_reading_counts_clutter_by_the_visibilities():
     ratio, loud, P, D = small_scan()
     clutter, gamma = 3e-5, 9.0
     S = np.array([np.diag([900.0, 400.0]), np.array([[500.0, 100.0], [100.0, 300.0]])])
-    visible, terms = association.visibility(ratio, P, D), []
+    visible, terms = ljipda_ai.visibility(ratio, P, D), []
     for t in range(2):
         inside, V = ratio[t] > -np.inf, math.pi * gamma * math.sqrt(np.linalg.det(S[t]))
         seen = visible[t][inside]
@@ -383,8 +385,8 @@ def test_the_cost_of_a_linear_scan_is_linear():
 
     def seconds(T, M):
         args = np.zeros((T, M)), np.zeros((T, M)), np.full(T, 0.9), np.full(T, 0.9)
-        association.ljipda(*args)
-        return min(timeit.repeat(lambda: association.ljipda(*args), number=20, repeat=15))
+        ljipda_ai.ljipda(*args)
+        return min(timeit.repeat(lambda: ljipda_ai.ljipda(*args), number=20, repeat=15))
 
     once = seconds(4, 200)
     assert max(seconds(16, 200), seconds(4, 800)) < 12 * once
@@ -544,8 +546,8 @@ def test_the_clutter_density_can_be_estimated():
 def test_the_estimated_density_is_that_of_the_gates_of_the_scan():
     own = replace(SETUP, clutter="estimate", p_start=0.5)
     x, P = kalman.predict(np.asarray(own.x), np.tile(own.P, (2, 1, 1)), own.F, own.Q)
-    zhat, _, S = kalman.gate_tracks(x, P, own.sigma_r**2, math.radians(own.sigma_theta_deg) ** 2)
-    log_p = association.gate(SCANS[1][:, :2], zhat, S, own.gamma, own.p_gate)[1]
+    zhat, _, S = ljipda_ai.gate_tracks(x, P, own.sigma_r**2, math.radians(own.sigma_theta_deg) ** 2)
+    log_p = ljipda_ai.gate(SCANS[1][:, :2], zhat, S, own.gamma, own.p_gate)[1]
     expected = 2 * own.p_detect * own.p_gate * own.p11 * own.p_start
     told = replace(own, clutter=page.clutter_density(log_p, S, own.gamma, expected))
     ours, theirs = (page.run(SCANS[:2], s, method="LM-AI") for s in (own, told))
@@ -593,7 +595,7 @@ def test_an_empty_scan_is_one_without_plots(empty, method):
 def test_exact_association_holds_as_many_tracks_as_it_says():
     crowd = replace(SETUP, x=np.tile(SETUP.x, (8, 1)))
     result = page.run([scan[:2] for scan in SCANS[:2]], crowd, method="JIPDA-AI")
-    assert result.x.shape == (2, association.MAX_TRACKS, 4)
+    assert result.x.shape == (2, ljipda_ai.MAX_TRACKS, 4)
 
 
 def test_the_radar_is_where_both_coordinates_are_zero():
@@ -1109,7 +1111,7 @@ def test_amplitude_ratio_of_the_page_is_that_of_the_core():
     names = derived()
     tau = names["tau_of"](0.02)
     a = tau + np.linspace(0, 4, 9)
-    core = detection.amplitude_ratio((a**2 - tau**2) / 2, np.array([10.0]))[0]
+    core = ljipda_ai.amplitude_ratio((a**2 - tau**2) / 2, np.array([10.0]))[0]
     np.testing.assert_allclose(np.log(names["ratio"](a, tau, 10.0)), core, rtol=1e-10)
 
 
@@ -1121,7 +1123,7 @@ def test_ratio_has_the_mean_one_over_false_plots_at_any_level(snr_db):
 
     def weighed(v):  # u = (1 + d) v
         u = (1 + d) * v
-        ratio = detection.amplitude_ratio(np.array([u]), np.array([d]))[0, 0]
+        ratio = ljipda_ai.amplitude_ratio(np.array([u]), np.array([d]))[0, 0]
         return math.exp(ratio - u) * (1 + d)
 
     assert integrate.quad(weighed, 0, np.inf)[0] == pytest.approx(1.0, abs=1e-8)
@@ -1132,10 +1134,10 @@ def test_equations_of_the_page_are_the_core():
     ratio, loud, P, D = small_scan()
     p = np.exp(ratio) * 3e-5
     P_V = names["visible"](names["source"](names["prior"](p, P, D))[0])
-    np.testing.assert_allclose(P_V, association.visibility(ratio, P, D), rtol=1e-12)
+    np.testing.assert_allclose(P_V, ljipda_ai.visibility(ratio, P, D), rtol=1e-12)
     p_hat = p * np.exp(loud)
     delta = names["indicator"](P_V, p_hat, 3e-5, D)
-    beta, alive = association.ljipda(ratio, loud, P, D)
+    beta, alive = ljipda_ai.ljipda(ratio, loud, P, D)
     np.testing.assert_allclose(names["weights"](P_V, p_hat, 3e-5, D, delta), beta, rtol=1e-12)
     np.testing.assert_allclose(names["posterior"](delta, P), alive, rtol=1e-12)
 
@@ -1165,7 +1167,7 @@ def test_scan_by_hand_is_the_scan_of_the_core(change):
 
 def test_amplitude_makes_the_linear_method_claim_a_plot_twice_and_not_the_others():
     ratio, _, P, D = small_scan()
-    loud = detection.amplitude_ratio(np.array([0.2, 16.0, 0.4]), np.full(2, 10.0))
+    loud = ljipda_ai.amplitude_ratio(np.array([0.2, 16.0, 0.4]), np.full(2, 10.0))
     total = {}
     one = page.LARGEST, page.LONE, page.MODULATED, page.EXACT
     for how in (page.VISIBLE, page.STRICT, page.BY_PLOT, page.ALONE, *one):

@@ -9,7 +9,9 @@ import pandas as pd
 import pytest
 
 import tbdcore
-from tbdcore import misfit, particles, sensor, state
+from tbdcore import particles, state
+from tbdcore.kernels import mda_tbd
+from tbdcore.recording import misfit
 from tbdcore.repro import pages, paths, studies
 
 page = tbdcore.page("mda_tbd")
@@ -87,7 +89,7 @@ def lattice_filter(z, p, n=16):
     x, y, density, results = r * np.cos(theta), r * np.sin(theta), np.zeros(rho.size), []
     for frame in z:
         ratio = np.exp(
-            sensor.power_log_ratio(
+            mda_tbd.power_log_ratio(
                 frame / p.noise, rho, alpha, np.full(rho.size, p.P_tar / p.noise), p.psf
             )
         )
@@ -188,11 +190,11 @@ def test_wrong_spread_shifts_the_intensity_the_right_way():
     """
     p = page.Scenario(common=False, R=12.0)
     z, x = scene(p), page.target(p)[20:120]
-    place = sensor.polar_cells(x[:, 0], x[:, 2], p.grid)
+    place = mda_tbd.polar_cells(x[:, 0], x[:, 2], p.grid)
     for sharp, half, expected in ((0.1, (8, 20), 0.182), (1.0, (2, 6), 1.0), (10.0, (1, 3), 1.82)):
         q = replace(p, sharp=sharp, half_r=half[0], half_a=half[1])
         fit = sum(
-            sensor.patch_fit(z[20 + k] / p.noise, *(axis[k : k + 1] for axis in place), q.assumed)[
+            mda_tbd.patch_fit(z[20 + k] / p.noise, *(axis[k : k + 1] for axis in place), q.assumed)[
                 :, 0
             ]
             for k in range(100)
@@ -212,7 +214,7 @@ def test_births_by_power_are_weighted_back_to_uniform():
     assert (w * place[0]).mean() == pytest.approx(
         250.5, abs=4 * (w * place[0]).std() / math.sqrt(w.size)
     )
-    assert np.allclose(sensor.polar_cells(S[0], S[2], p.grid), place, atol=1e-6)
+    assert np.allclose(mda_tbd.polar_cells(S[0], S[2], p.grid), place, atol=1e-6)
 
 
 def test_births_by_power_fall_into_the_one_cell_above_four_noise_powers():
@@ -276,7 +278,7 @@ def plain_births(p, rng):
 def reads(z, rho, alpha, p):
     """(numerator, denominator) of every particle in one frame, in noise powers."""
     if p.reading == "least-squares":
-        return list(zip(*sensor.patch_fit_spec(z, rho, alpha, p.assumed), strict=True))
+        return list(zip(*mda_tbd.patch_fit_spec(z, rho, alpha, p.assumed), strict=True))
     i, j = (np.floor(np.nan_to_num(c, nan=-9.0) + 0.5).astype(int) - 1 for c in (rho, alpha))
     inside = (i >= 0) & (i < z.shape[0]) & (j >= 0) & (j < z.shape[1])
     return [(z[a, b] - 1.0 if on else -1.0, 1.0) for a, b, on in zip(i, j, inside, strict=True)]
@@ -292,7 +294,7 @@ def plain_run(z, p, rng):
         S = S + p.T * np.array([S[1] + p.T * a[0] / 2, a[0], S[3] + p.T * a[1] / 2, a[1]])
         new, rho, alpha = plain_births(p, rng)
         S, past = np.hstack([S, new]), past + [[] for _ in range(p.B)]
-        here = sensor.polar_cells(S[0, : p.N], S[2, : p.N], p.grid)
+        here = mda_tbd.polar_cells(S[0, : p.N], S[2, : p.N], p.grid)
         rho, alpha = np.append(here[0], rho), np.append(here[1], alpha)
         if p.source == "history":
             for samples, pair in zip(past, reads(frame, rho, alpha, p), strict=True):
@@ -306,7 +308,7 @@ def plain_run(z, p, rng):
         ahead = p.p_birth * (1 - exists) + p.p_survive * exists
         prior = p.p_survive * exists / p.N, p.p_birth * (1 - exists) / p.B
         w = np.repeat(prior, (p.N, p.B))
-        w = w * np.exp(sensor.power_log_ratio_spec(frame, rho, alpha, snr, p.assumed))
+        w = w * np.exp(mda_tbd.power_log_ratio_spec(frame, rho, alpha, snr, p.assumed))
         exists = w.sum() / (1 - ahead + w.sum())
         W = w / w.sum()
         evidence = math.log(1 - ahead + w.sum())
@@ -354,7 +356,7 @@ def test_founders_count_the_births_that_are_left():
 def test_births_are_uniform_in_their_cells_and_velocities():
     p = page.scenario(**OWN, birth_speed=7.0)
     S, place = page.newborn(20_000, p, rng(35))
-    assert np.allclose(sensor.polar_cells(S[0], S[2], p.grid), place, atol=1e-9)
+    assert np.allclose(mda_tbd.polar_cells(S[0], S[2], p.grid), place, atol=1e-9)
     for u, low, high in (
         (place[0], 0.5, 24.5),
         (place[1], 0.5, 14.5),
@@ -372,7 +374,7 @@ def test_an_own_cell_average_at_the_true_place_is_low_by_the_straddle_floor():
     kept = []
     for i in range(2):
         z, x = scene(p, 40 + i), page.target(p)
-        i_, j_ = (np.floor(c + 0.5) for c in sensor.polar_cells(x[14:, 0], x[14:, 2], p.grid))
+        i_, j_ = (np.floor(c + 0.5) for c in mda_tbd.polar_cells(x[14:, 0], x[14:, 2], p.grid))
         kept.append(z[np.arange(14, 200), i_.astype(int) - 1, j_.astype(int) - 1] - p.noise)
     u = (np.arange(4000) + 0.5) / 4000 - 0.5
     share = math.prod(np.exp(-decay * u**2).mean() for decay in p.psf[:2])
@@ -388,8 +390,8 @@ def test_what_a_scan_is_worth_in_closed_form():
 
     p = replace(page.Scenario(), half_r=6, half_a=15)
     places = [250 + n / 8 for n in range(8)]
-    h2 = np.array([sensor.spread_power(rho, 45.6, p.psf, p.grid[4:]) for rho in places])
-    s, F = p.P_tar / p.noise, sensor.spread_area(p.psf)
+    h2 = np.array([mda_tbd.spread_power(rho, 45.6, p.psf, p.grid[4:]) for rho in places])
+    s, F = p.P_tar / p.noise, mda_tbd.spread_area(p.psf)
     for a in (0.0, 0.32, 1.0):
         cells = (1 + a * s * h2) * s * h2 / (1 + s * h2) - np.log1p(s * h2)
         closed = F * (np.log1p(s) + spence(1 + s) + a * (s - np.log1p(s)))
@@ -409,8 +411,8 @@ def test_both_models_have_the_same_mean_power_and_another_correlation():
     """Mean P h**2 + sigma**2 in each cell; cells of one scan share an amplitude, or do not."""
     still = {"vx": 0.0, "vy": 0.0, "appears": 1, "leaves": 4001, "scans": 4000}
     p = page.scenario(**(OWN | {"nr": 8, "na": 8}), x0=815.0, y0=65.0, R=8.0, noise=3.0, **still)
-    h2 = sensor.spread_power(*(c[0] for c in sensor.polar_cells(*page.target(p)[:, ::2].T, p.grid)),
-                             p.psf, (8, 8))  # fmt: skip
+    rho, alpha = mda_tbd.polar_cells(*page.target(p)[:, ::2].T, p.grid)
+    h2 = mda_tbd.spread_power(rho[0], alpha[0], p.psf, (8, 8))
     near = np.unravel_index(np.argsort(h2, axis=None)[-2:], h2.shape)
     links = []
     for common in (True, False):
@@ -426,10 +428,10 @@ def test_averaged_ratio_replaces_that_of_particles_without_an_intensity():
     z = rng(42).standard_exponential((p.grid.nr, p.grid.na))
     rho, alpha, snr = np.array([9.2, 40.1, -5.0]), np.array([7.0, 30.4, 3.0]), np.array([0, 3.0, 0])
     each = [
-        sensor.power_log_ratio_spec(z, rho, alpha, np.full(3, 10**e), p.assumed)
+        mda_tbd.power_log_ratio_spec(z, rho, alpha, np.full(3, 10**e), p.assumed)
         for e in (0.0, 0.4, 0.8, 1.2)
     ]
-    known = sensor.power_log_ratio_spec(z, rho, alpha, snr, p.assumed)
+    known = mda_tbd.power_log_ratio_spec(z, rho, alpha, snr, p.assumed)
     with np.errstate(divide="ignore"):
         expected = [np.log(np.mean(np.exp(each), axis=0))[0], known[1], -np.inf]
     assert page.likelihood(z, rho, alpha, snr, p) == pytest.approx(expected, rel=1e-9)
@@ -495,7 +497,7 @@ def test_a_sector_may_lie_anywhere(a_min):
         z[:, 11:14, middle - 1 : middle + 2] *= 12.0
         track = page.run(z, p, rng(4))
         assert (track.existence[8:] > 0.9).all()
-        azimuth = sensor.polar_cells(track.x[8:, 0], track.x[8:, 2], p.grid)[1]
+        azimuth = mda_tbd.polar_cells(track.x[8:, 0], track.x[8:, 2], p.grid)[1]
         assert abs(azimuth - middle - 1).max() < 1.5
 
 
@@ -679,7 +681,7 @@ def test_the_help_begins_with_one_screen_whose_example_runs():
     exec("\n".join(lines), names)
     track, c = (
         names["track"],
-        names["page"].sensor.polar_cells(*names["track"].x[-1, ::2], names["p"].grid),
+        names["page"].mda_tbd.polar_cells(*names["track"].x[-1, ::2], names["p"].grid),
     )
     assert track.existence[-1] > 0.9 > 0.5 > track.existence[7]
     assert np.abs(c - np.array([33.0, 24.5])).max() < 2
@@ -728,7 +730,7 @@ def test_a_cloud_that_leaves_altogether_starts_anew_without_a_target():
     gone = state._replace(S=10.0 * state.S, existence=1.0, k=10)
     after, estimate = page.update(gone, z, SMALL, rng(23))
     assert estimate.existence < 1e-200
-    rho, alpha = sensor.polar_cells(after.S[0], after.S[2], SMALL.grid)
+    rho, alpha = mda_tbd.polar_cells(after.S[0], after.S[2], SMALL.grid)
     assert ((rho >= 0.5) & (rho < 500.5) & (alpha >= 0.5) & (alpha < 90.5)).all()
     assert page.update(after, z, SMALL, rng(24))[1].existence < 0.1
 
@@ -759,7 +761,7 @@ def test_the_state_before_the_first_frame(source):
     now = page.start(p, rng(80))
     H, age = now.memory
     assert (now.k, now.existence) == (0, p.p_initial)
-    rho, alpha = sensor.polar_cells(now.S[0], now.S[2], p.grid)
+    rho, alpha = mda_tbd.polar_cells(now.S[0], now.S[2], p.grid)
     assert ((rho >= 0.5) & (rho < 500.5) & (alpha >= 0.5) & (alpha < 90.5)).all()
     assert not age.any()
     if source != "state":

@@ -10,7 +10,8 @@ from scipy.special import i0
 from scipy.stats import kstest
 
 import tbdcore
-from tbdcore import baseline, dynprog, motion, recording
+from tbdcore import baseline, motion, recording
+from tbdcore.kernels import dp_tbd
 from tbdcore.repro import pages, paths, studies, trials
 
 six = tbdcore.page("together")
@@ -335,7 +336,7 @@ def test_dynamic_programming_whose_set_is_the_known_path_reaches_the_bound():
     """Its frames are the exact log ratios, its only step is that of the target, (1, 1)."""
     s, n = six.Scene(snr_db=-1.0), 150
     k = np.arange(s.K)[:, None] - 11.0
-    only = dynprog.box_transition(np.array([0.0, 1.0, 0.0]), (1, 1), 2)
+    only = dp_tbd.box_transition(np.array([0.0, 1.0, 0.0]), (1, 1), 2)
     said = np.empty((2, 2, n))
     for i in range(n):
         truth, noise = (
@@ -345,14 +346,14 @@ def test_dynamic_programming_whose_set_is_the_known_path_reaches_the_bound():
         x = np.stack([at[:, 0], 0 * at[:, 0] + 1, at[:, 1], 0 * at[:, 1] + 1], axis=-1)
         v = noise.standard_normal((2, s.K, s.n, s.n), dtype=np.float32) * 0.5**0.5
         turn = np.exp(2j * np.pi * truth.random(s.K))
-        h = six.sensor.blob_image(x[:, 0], x[:, 2], 1.0, s.blur, (s.n, s.n))
+        h = six.mm_pf_tbd.blob_image(x[:, 0], x[:, 2], 1.0, s.blur, (s.n, s.n))
         there = (np.arange(s.K) >= s.enters) & (np.arange(s.K) < s.leaves)
         for m, on in enumerate((0.0, 10 ** (s.snr_db / 20))):
             z = abs(v[0] + 1j * v[1] + on * (turn * there)[:, None, None] * h) ** 2
             said[0, m, i] = six.known_path(z, x, s)
             f = log_ratios(z[s.enters : s.leaves], s)
             f[0, :, :] += inside(x, s)
-            said[1, m, i] = dynprog.forward(dynprog.margin(f, 2), only).values[-1].max()
+            said[1, m, i] = dp_tbd.forward(dp_tbd.margin(f, 2), only).values[-1].max()
     V = np.quantile(said[:, 0], 0.9, axis=1)
     found = said[:, 1] > V[:, None]
     assert 0.3 < found[0].mean() < 0.97

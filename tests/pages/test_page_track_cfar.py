@@ -12,7 +12,9 @@ import pandas as pd
 import pytest
 
 import tbdcore
-from tbdcore import detection, kalman, misfit, score, state
+from tbdcore import detection, kalman, score, state
+from tbdcore.kernels import track_cfar
+from tbdcore.recording import misfit
 from tbdcore.repro import claims, pages, paths, trials
 
 
@@ -489,7 +491,7 @@ def one_choice(page, p, found, plot, own, **readings):
     d = page.design(p, **readings)
     scene = page.Scene(np.ones(1), np.zeros((3, 2)), np.array([0.0123456]), np.array([[0.3, 0.7]]))
     centre, half, D, P_f = (2e5, 0.7), (100.0, 0.02), (625.0, 0.0, 2.5e-5), 0.2
-    alarm, *false = detection.false_plot(scene.u[0], scene.v[0], centre, half, d.cell, P_f, 0)
+    alarm, *false = track_cfar.false_plot(scene.u[0], scene.v[0], centre, half, d.cell, P_f, 0)
     assert alarm
     place = (2e5 + false[0], 0.7 + false[1]) if own else (1e5, 0.0)
     return page.choose(scene, 0, found, plot, place, centre, half, D, P_f, d), false
@@ -520,7 +522,7 @@ def test_every_false_plot_of_the_gate_is_compared(page, p):
     for u in np.linspace(0.001, 0.4, 60):
         scene = page.Scene(np.ones(1), np.zeros((3, 2)), np.array([u]), np.array([[0.3, 0.7]]))
         every = [
-            detection.false_plot(u, scene.v[0], centre, half, d.cell, P_f, n) for n in range(60)
+            track_cfar.false_plot(u, scene.v[0], centre, half, d.cell, P_f, n) for n in range(60)
         ]
         distances = [page.far((plot[1], plot[2]), D) for plot in every if plot[0]]
         found, y = page.choose(scene, 0, False, (0.0, 0.0, 0.0), centre, centre, half, D, P_f, d)

@@ -90,7 +90,7 @@ PLAIN = re.findall(r"^```\n(.*?)```", CHANGING, re.S | re.M)
 STEPS = [line.split() for block in PLAIN for line in block.strip().splitlines()]
 
 
-TO_COME = ("tbdcore/recording/", "tests/recording")  # rooms that are being built
+TO_COME = ("tests/recording",)  # rooms that are being built
 
 
 def seeds_of(folder, words):

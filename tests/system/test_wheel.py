@@ -35,24 +35,25 @@ from pathlib import Path
 
 import numpy as np
 import tbdcore
-from tbdcore import association, detection, dynprog, kalman, motion, particles, score, sensor
+from tbdcore import detection, kalman, motion, particles, score
+from tbdcore.kernels import dp_tbd, ljipda_ai, track_cfar
 
 assert Path(tbdcore.__file__).is_relative_to(sys.prefix), tbdcore.__file__
-for found in pkgutil.iter_modules(tbdcore.__path__):
-    if found.name != "repro":
-        import_module(f"tbdcore.{found.name}")
+for found in pkgutil.walk_packages(tbdcore.__path__, "tbdcore."):
+    if not found.name.startswith(("tbdcore.repro", "tbdcore.__main__")):
+        import_module(found.name)
 
-x, P = kalman.predict_cv(np.zeros(4), np.eye(4), 1.0, 0.5)
+x, P = track_cfar.predict_cv(np.zeros(4), np.eye(4), 1.0, 0.5)
 frames = np.random.default_rng(1).standard_exponential((3, 8, 9))
 weights, log_mean = particles.normalise(np.zeros(4))
-beta = association.ipda(np.zeros((1, 3)), np.array([0.5]), np.array([0.9]))
+beta = ljipda_ai.ipda(np.zeros((1, 3)), np.array([0.5]), np.array([0.9]))
 assert P.shape == (4, 4) and P[0, 0] > 1
 assert motion.cv(1.0).shape == (4, 4)
 assert np.isclose(detection.threshold(np.exp(-2.0)), 2.0)
 assert np.allclose(weights, 0.25)
 assert score.ospa(np.zeros((1, 2)), np.zeros((1, 2)), 1.0, 2) == 0
-assert sensor.point_amplitude(0.0) > 0
-assert len(dynprog.margin(frames, 3)) == 3
+assert dp_tbd.point_amplitude(0.0) > 0
+assert len(dp_tbd.margin(frames, 3)) == 3
 assert np.isfinite(beta[0]).all()
 loaded = {name.partition(".")[0] for name in sys.modules}
 assert not loaded & {"pandas", "matplotlib", "IPython", "papermill", "jupyter_client", "tqdm"}

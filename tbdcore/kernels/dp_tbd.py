@@ -1,4 +1,4 @@
-"""Max-product dynamic programming for track-before-detect: forward pass and back-trace.
+"""Max-product dynamic programming for track-before-detect: frames, forward pass, back-trace.
 
 Source: Wan, Wang and Wu 2013, eqs. (4), (12), (16).  For each state of frame k only the best way to
 reach it is kept:  I_k(x) = z_k(x) + max over predecessors x' of x of  g(x'|x) I_{k-1}(x')
@@ -24,6 +24,8 @@ operations, so that both agree to the last bit.
 Often the next frames differ from the last ones in a few cells, as when a target is added to the
 same noise.  Then a forward pass takes the maps of the last frames, and computes again only the rows
 that a changed cell can reach.
+
+A target is a point: all of its signal is in one cell (``point_frames``).
 """
 
 import itertools
@@ -33,15 +35,64 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tbdcore.checks import Array, ArrayLike, Integer, Integers, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, checked
 from tbdcore.jit import kernel
 
-__all__ = ["Maps", "Transition", "box_transition", "coupled_transition", "forward", "margin"]
-__all__ += ["path", "penalised_transition", "weighted_transition"]
+__all__ = [
+    "Maps",
+    "Transition",
+    "box_transition",
+    "coupled_transition",
+    "forward",
+    "margin",
+    "path",
+    "penalised_transition",
+    "point_amplitude",
+    "point_frames",
+    "weighted_transition",
+]
+
+
+HIGH = 1e50  # largest amplitude: products stay finite
+
+
+# Point target: all of the signal in one cell
+@checked
+def point_amplitude(
+    snr_db: Annotated[ArrayLike, Numbers(..., low=-1000.0, high=1000.0)],
+    sigma: Annotated[float, Number(0.0, HIGH)] = 1.0,
+) -> Array:
+    """Amplitude A of a point target of SNR 10 log10(A**2 / sigma**2) dB; sigma: of the noise."""
+    return sigma * 10.0 ** (snr_db / 20.0)
+
+
+@checked
+def point_frames(
+    noise: Annotated[ArrayLike, Numbers("K", "n_x", "n_y", single=True)],
+    cells: Annotated[ArrayLike, Integers("K", 2)],
+    amplitude: Annotated[ArrayLike, Numbers(...)],
+) -> Array:
+    """Frames z (K, n_x, n_y): noise w, A + w in the target's cell (Wan, Wang and Wu 2013, eq. 1).
+
+    noise : (K, n_x, n_y), not changed; the result has its type
+    cells : (K, 2) of int, the target's cell in each frame, **counted from 0**
+    amplitude : A, or (K,), in the noise's unit
+    """
+    K = len(noise)
+    shape = noise.shape[1:]
+    if amplitude.shape not in ((), (K,)):
+        raise ValueError(f"point_frames: amplitude: shape {amplitude.shape}; a number or ({K},)")
+    inside = (cells >= 0) & (cells < shape)
+    if not inside.all():
+        k = int(inside.all(axis=1).argmin())
+        raise ValueError(f"point_frames: cells[{k}] is {cells[k].tolist()}, outside {shape}")
+    z = noise.copy()
+    z[np.arange(K), cells[:, 0], cells[:, 1]] += amplitude
+    return z
+
 
 PIECE = 1920  # bytes of a plane that are treated together: they stay in the first-level cache
 FAR = 1 << 40  # first row of an empty range, and minus its end
-
 Weights = Annotated[ArrayLike, Numbers("2d+1", low=0.0, single=True)]
 Three = Annotated[ArrayLike, Numbers(3, low=0.0, single=True)]
 Prices = Annotated[ArrayLike, Numbers(3, low=0.0, high=np.inf, single=True)]
@@ -65,8 +116,6 @@ def margin(frames: Block, width: Width) -> Array:
 
 
 # Transitions: which states precede a state, and what each way costs
-
-
 class Transition(NamedTuple):
     """The predecessors of a state on each axis; made by the four functions below.
 
@@ -170,8 +219,6 @@ def _known(transition):
 
 
 # Specifications
-
-
 def _table(transition):
     """Both weights in one table (slack, change), NaN where left out; how to apply them."""
     if transition.setting[3]:
@@ -228,8 +275,6 @@ def path_spec(I, state, transition):
 
 
 # Forward pass
-
-
 class Maps(NamedTuple):
     """The result of a forward pass.  Given to the next one, it is updated in place.
 
@@ -341,8 +386,6 @@ def _first_map(values, z, rows, width):
 
 
 # The velocity is kept
-
-
 @kernel
 def _box_forward(values, z, changed, width, lowest, position):
     """The loop of :func:`forward` for a velocity that is kept.
@@ -422,8 +465,6 @@ def _largest(target, to, source, at, n, frames, origin):
 
 
 # The velocity changes by -1, 0 or 1
-
-
 class _Axis(NamedTuple):
     """How many values lie between neighbouring velocities and cells; lowest velocity."""
 
@@ -575,8 +616,6 @@ def _best_slack(source, at, step, weights):
 
 
 # Back-trace
-
-
 @kernel
 def _combined(value, weight, prices):
     return value - weight if prices else value * weight

@@ -15,7 +15,7 @@ from scipy.special import ndtri
 
 from tbdcore.checks import Number, checked
 from tbdcore.noise import Frames, Law
-from tbdcore.recording import clipped
+from tbdcore.recording.levels import clipped
 
 __all__ = ["Misfit", "fit", "warn_misfit"]
 

@@ -35,25 +35,89 @@ Hungarian method with shortest augmenting paths (Jonker and Volgenant 1987).
 Valid are existence and detect in [0, 1] and log ratios of at most 1e9, or -inf; anything else, NaN
 too, is a ValueError, and so is a certain track (both 1) without a plot.  Zero tracks and zero plots
 are valid.  A track impossible after the scan gets existence 0 and beta[t, 0] = 1.
+
+``predict_tracks``, ``gate_tracks`` and ``update_mixture`` take several tracks through a scan whose
+plots carry association weights.  Their plots are in metres, linear measurements of the position.
+``amplitude_ratio`` says how much more a plot looks like the target than like a false alarm.
+
+Do plots agree with what a tracker is told: start states, errors, clutter?  ``look`` keeps what the
+gates of one scan hold, and ``contradiction`` names, in one line, what exceeds its tolerance with
+99 % certainty.
 """
 
 import itertools
 import math
-from typing import Annotated
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from tbdcore import kalman
 from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked
 from tbdcore.jit import kernel
+from tbdcore.kalman import (
+    Covariance,
+    Positive,
+    Track,
+    TrackCovariances,
+    Tracks,
+    _finite,
+    polar,
+    polar_noise,
+    predict,
+)
 
-__all__ = ["MAX_TRACKS", "gate", "ipda", "jipda", "ljipda", "modulated_log_ratio", "prior_odds"]
-__all__ += ["visibility"]
+__all__ = [
+    "MAX_TRACKS",
+    "Flags",
+    "Seen",
+    "amplitude_ratio",
+    "contradiction",
+    "gate",
+    "gate_tracks",
+    "ipda",
+    "jipda",
+    "kept_rmse",
+    "ljipda",
+    "look",
+    "modulated_log_ratio",
+    "position_bound",
+    "predict_tracks",
+    "prior_odds",
+    "update_mixture",
+    "visibility",
+]
+
+
+def amplitude_ratio_spec(excess, snr):
+    """Log of the ratio of the two exponential densities."""
+    density = [-np.asarray(excess) / (1 + S) - np.log(1 + S) for S in snr]
+    return np.array(density).reshape(len(snr), len(excess)) + np.asarray(excess)
+
+
+@checked
+@kernel
+def amplitude_ratio(
+    excess: Annotated[ArrayLike, Numbers("M", low=0.0)],
+    snr: Annotated[ArrayLike, Numbers("T", low=0.0)],
+) -> Array:
+    """ln of p(excess | target) / p(excess | noise), S / (1 + S) excess - ln(1 + S), shape (T, M).
+
+    ``excess`` (M,) is lambda - eta >= 0 of each plot, for a Rayleigh amplitude a with parameter 1
+    and threshold tau (a**2 - tau**2) / 2; ``snr`` S (T,) the mean linear ratio of each target.
+    """
+    out = np.empty((snr.size, excess.size))
+    for t in range(snr.size):
+        gain, level = snr[t] / (1.0 + snr[t]), math.log(1.0 + snr[t])
+        for m in range(excess.size):
+            out[t, m] = gain * excess[m] - level
+    return out
+
 
 MAX_TRACKS = 16  # tracks in one joint association: 2^16 subsets per plot, 0.5 MB a plot
 LogRatio = Annotated[ArrayLike, Numbers("T", "M", low=-math.inf, high=1e9)]
 Existence = Annotated[ArrayLike, Numbers("T", low=0.0, high=1.0 + 1e-9)]
 Detection = Annotated[ArrayLike, Numbers("T", low=0.0, high=1.0)]
-Positive = np.finfo(float).tiny
+TINY = np.finfo(float).tiny
 Result = tuple[Array, Array]
 
 
@@ -63,8 +127,8 @@ def gate(
     z: Annotated[ArrayLike, Numbers("M", 2, low=-math.inf, high=math.inf)],
     zhat: Annotated[ArrayLike, Numbers("T", 2)],
     S: Annotated[ArrayLike, Numbers("T", 2, 2)],
-    gamma: Annotated[float, Number(Positive)],
-    p_gate: Annotated[float, Number(Positive, 1.0)],
+    gamma: Annotated[float, Number(TINY)],
+    p_gate: Annotated[float, Number(TINY, 1.0)],
 ) -> Result:
     """The plots inside at least one gate, and the log density of each track at these plots.
 
@@ -79,7 +143,7 @@ def gate(
         det = S[t, 0, 0] * S[t, 1, 1] - S[t, 0, 1] * S[t, 1, 0]
         trace, skew = S[t, 0, 0] + S[t, 1, 1], S[t, 0, 1] - S[t, 1, 0]
         if not (0.0 < p_gate * det < np.inf and trace > 0.0 and abs(skew) <= 1e-9 * trace):
-            raise ValueError("association.gate: a covariance S is not positive definite")
+            raise ValueError("ljipda_ai.gate: a covariance S is not positive definite")
     picked, log_p, count = np.empty(M, np.int64), np.empty((T, M)), 0
     for m in range(M):
         hit = False
@@ -94,7 +158,7 @@ def gate(
                 log_p[t, count] = -0.5 * d2 - math.log(2.0 * math.pi * p_gate * math.sqrt(det))
                 hit = True
             elif not d2 > gamma:
-                raise ValueError("association.gate: a plot or a prediction is NaN; remove it")
+                raise ValueError("ljipda_ai.gate: a plot or a prediction is NaN; remove it")
         if hit:
             picked[count] = m
             count += 1
@@ -130,7 +194,7 @@ def ipda(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Result
             top = max(top, hit + log_ratio[t, m])
         if top == -np.inf:  # impossible: nothing is its plot
             if existence[t] >= 1.0:
-                raise ValueError("association.ipda: a certain track has no plot; lower existence")
+                raise ValueError("ljipda_ai.ipda: a certain track has no plot; lower existence")
             beta[t], beta[t, 0], posterior[t] = 0.0, 1.0, 0.0
             continue
         beta[t, 0] = math.exp(miss - top)
@@ -140,7 +204,7 @@ def ipda(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Result
             beta[t, m + 1] = 0.0 if l == -np.inf else math.exp(hit + l - top)
             total += beta[t, m + 1]
         if not total < np.inf:
-            raise ValueError("association.ipda: log_ratio is NaN or infinite; correct it")
+            raise ValueError("ljipda_ai.ipda: log_ratio is NaN or infinite; correct it")
         for m in range(M + 1):
             beta[t, m] /= total
         dead = max(1.0 - existence[t], 0.0) * math.exp(min(-top, 700.0))
@@ -178,7 +242,7 @@ def prior_odds(log_ratio: LogRatio, existence: Existence, detect: Detection) -> 
                 odds[t, m] = math.exp(log_ratio[t, m] - top)
                 total += odds[t, m]
         if detect[t] * existence[t] >= total > 0.0:
-            raise ValueError("association: the prior of a plot is 1; lower existence")
+            raise ValueError("ljipda_ai: the prior of a plot is 1; lower existence")
         for m in range(M):
             if odds[t, m] > 0.0:
                 prior = detect[t] * existence[t] * odds[t, m] / total
@@ -330,7 +394,7 @@ def _potentials(log_w, log_miss):
                 if length[j] < step:
                     step, nearest = length[j], j
             if nearest < 0:
-                raise ValueError("association.jipda: a certain track has no plot; lower existence")
+                raise ValueError("ljipda_ai.jipda: a certain track has no plot; lower existence")
             for j in range(M + T):
                 if seen[j]:
                     track_dual[holder[j]] += step
@@ -405,13 +469,13 @@ def jipda(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Resul
     """
     T, M = log_ratio.shape
     if T > MAX_TRACKS or (M + 1) << T > 1 << 27:
-        raise ValueError("association.jipda: the limit is 16 tracks and 1 GB; split into clusters")
+        raise ValueError("ljipda_ai.jipda: the limit is 16 tracks and 1 GB; split into clusters")
     log_w, log_miss = np.full((T, M), -np.inf), np.empty(T)
     for t in range(T):
         log_miss[t] = math.log(max(1.0 - detect[t] * existence[t], 0.0))
         for m in range(M):
             if not (abs(log_ratio[t, m]) <= 1e9 or log_ratio[t, m] == -np.inf):
-                raise ValueError("association.jipda: log_ratio is NaN, above 1e9 or below -1e9")
+                raise ValueError("ljipda_ai.jipda: log_ratio is NaN, above 1e9 or below -1e9")
             if existence[t] > 0.0:
                 log_w[t, m] = math.log(detect[t] * existence[t]) + log_ratio[t, m]
     # Every joint event has each track once, with a plot or missed, and each plot once, with a track
@@ -449,3 +513,319 @@ def jipda_spec(log_ratio, existence, detect):
     posterior = joint.sum(axis=1)
     joint[:, 0] += posterior == 0  # an impossible track: nothing is its plot
     return joint / joint.sum(axis=1, keepdims=True), posterior
+
+
+@kernel
+def _rotated(u, v, n, along, across):
+    """(xx, xy, yy) of a covariance with variances along (u, v) and across it; n = u**2 + v**2."""
+    xx, yy = along * u * u + across * v * v, along * v * v + across * u * u
+    return xx / n, (along - across) * u * v / n, yy / n
+
+
+@kernel
+def _finite_tracks(mean, cov):
+    """The tracks; ValueError where one has a NaN or an infinity."""
+    wrong = 0
+    for part in (mean.ravel(), cov.ravel()):
+        for value in part:
+            wrong += not math.isfinite(value)
+    if wrong > 0:
+        raise ValueError("ljipda_ai: an argument or the result is NaN or infinite; is r = 0?")
+    return mean, cov
+
+
+def predict_tracks_spec(x, P, F, Q):
+    """:func:`predict`, whose arguments may be stacks."""
+    return predict(x, P, F, Q)
+
+
+@checked
+@kernel
+def predict_tracks(
+    x: Tracks,
+    P: TrackCovariances,
+    F: Annotated[ArrayLike, Numbers("T", 4, 4)],
+    Q: Annotated[ArrayLike, Covariance(4, 4)],
+) -> Track:
+    """Means (T, 4), covariances (T, 4, 4) one scan later, F (T, 4, 4) by track, Q (4, 4) common."""
+    T = len(x)
+    mean, cov, FP = np.zeros((T, 4)), np.empty((T, 4, 4)), np.empty((4, 4))
+    for t in range(T):
+        for i in range(4):
+            for j in range(4):
+                mean[t, i] += F[t, i, j] * x[t, j]
+                FP[i, j] = 0.0
+                for l in range(4):
+                    FP[i, j] += F[t, i, l] * P[t, l, j]
+        for i in range(4):
+            for j in range(4):
+                cov[t, i, j] = Q[i, j]
+                for l in range(4):
+                    cov[t, i, j] += FP[i, l] * F[t, j, l]
+    return _finite_tracks(mean, cov)
+
+
+def gate_tracks_spec(x, P, var_r, var_a):
+    """:func:`gate_tracks` by :func:`polar_noise`."""
+    R = [polar_noise(z, np.diag([var_r, var_a])) for z in polar(x)]
+    R = np.array(R).reshape(len(x), 2, 2)
+    return x[:, ::2].copy(), R, P[:, ::2, ::2] + R
+
+
+@checked
+@kernel
+def gate_tracks(
+    x: Tracks, P: TrackCovariances, var_r: Positive, var_a: Positive
+) -> tuple[Array, Array, Array]:
+    """Predicted plots zhat (T, 2) in m, plot covariances R and D = H P H' + R (T, 2, 2).
+
+    ``x`` (T, 4), ``P`` (T, 4, 4) predicted, ``var_r`` in m^2, ``var_a`` in rad^2.  R is that of a
+    plot at the predicted position: at the plot's own, nearer plots would look more accurate.
+    """
+    T = x.shape[0]
+    zhat, R, D = np.empty((T, 2)), np.empty((T, 2, 2)), np.empty((T, 2, 2))
+    for t in range(T):
+        zhat[t, 0], zhat[t, 1] = x[t, 0], x[t, 2]
+        r2 = x[t, 0] * x[t, 0] + x[t, 2] * x[t, 2]
+        R[t, 0, 0], xy, R[t, 1, 1] = _rotated(x[t, 0], x[t, 2], r2, var_r, r2 * var_a)
+        R[t, 0, 1] = R[t, 1, 0] = xy
+        for i in range(2):
+            for j in range(2):
+                D[t, i, j] = P[t, 2 * i, 2 * j] + R[t, i, j]
+        if not (r2 > 0.0 and 0.0 < D[t, 0, 0] * D[t, 1, 1] - D[t, 0, 1] * D[t, 1, 0] < np.inf):
+            raise ValueError("ljipda_ai.gate_tracks: a covariance D is not positive definite")
+    return zhat, R, D
+
+
+def update_mixture_spec(x, P, D, z, beta):
+    """Every plot updates the track; then mean and covariance of the mixture with weights beta."""
+    mean, cov = np.empty_like(x), np.empty_like(P)
+    for t, (b, S) in enumerate(zip(beta, D, strict=True)):
+        K = P[t][:, ::2] @ np.linalg.inv(S)
+        xs = np.vstack([x[t], x[t] + (z - x[t, ::2]) @ K.T])
+        mean[t] = b @ xs
+        spread = np.einsum("m,mi,mj->ij", b, xs - mean[t], xs - mean[t])
+        cov[t] = P[t] - (1 - b[0]) * K @ S @ K.T + spread
+    return mean, cov
+
+
+@checked
+@kernel
+def update_mixture(
+    x: Tracks,
+    P: TrackCovariances,
+    D: Annotated[ArrayLike, Covariance("T", 2, 2)],
+    z: Annotated[ArrayLike, Numbers("M", 2)],
+    beta: Annotated[ArrayLike, Numbers("T", "M+1", low=0.0, high=1.0 + 1e-9)],
+) -> Track:
+    """Means (T, 4), covariances (T, 4, 4) after a scan whose plots carry association weights.
+
+    ``x``, ``P`` predicted, ``D`` (T, 2, 2) as :func:`gate_tracks` gives it, ``z`` (M, 2) plots in
+    m, ``beta`` (T, M + 1) weights that sum to 1, first that of no plot.  The mixture of the updates
+    is replaced by its mean and covariance; all plots share one gain.
+    """
+    T, M, K = len(x), len(z), np.empty((4, 2))
+    mean, cov = np.empty((T, 4)), np.empty((T, 4, 4))
+    for t in range(T):
+        det = D[t, 0, 0] * D[t, 1, 1] - D[t, 0, 1] * D[t, 1, 0]
+        if not (det > 0.0 and D[t, 0, 0] > 0.0):
+            raise ValueError("ljipda_ai.update_mixture: a covariance D is not positive definite")
+        y0, y1, s00, s01, s11 = 0.0, 0.0, 0.0, 0.0, 0.0
+        for m in range(M):
+            b, e0, e1 = beta[t, m + 1], z[m, 0] - x[t, 0], z[m, 1] - x[t, 2]
+            y0, y1 = y0 + b * e0, y1 + b * e1
+            s00, s01, s11 = s00 + b * e0 * e0, s01 + b * e0 * e1, s11 + b * e1 * e1
+        hit = 1.0 - beta[t, 0]
+        if not abs(beta[t].sum() - 1.0) <= 1e-6:
+            raise ValueError(
+                "ljipda_ai.update_mixture: the weights beta of a track do not sum to 1"
+            )
+        s00 = s00 - y0 * y0 - hit * D[t, 0, 0]
+        s01 = s01 - y0 * y1 - hit * D[t, 0, 1]
+        s11 = s11 - y1 * y1 - hit * D[t, 1, 1]
+        for i in range(4):
+            K[i, 0] = (P[t, i, 0] * D[t, 1, 1] - P[t, i, 2] * D[t, 0, 1]) / det
+            K[i, 1] = (P[t, i, 2] * D[t, 0, 0] - P[t, i, 0] * D[t, 0, 1]) / det
+            mean[t, i] = x[t, i] + K[i, 0] * y0 + K[i, 1] * y1
+        for i in range(4):
+            g0, g1 = K[i, 0] * s00 + K[i, 1] * s01, K[i, 0] * s01 + K[i, 1] * s11
+            for j in range(i, 4):
+                cov[t, i, j] = cov[t, j, i] = P[t, i, j] + g0 * K[j, 0] + g1 * K[j, 1]
+    return _finite_tracks(mean, cov)
+
+
+@checked
+def position_bound(
+    F: Annotated[ArrayLike, Numbers("K-1", "T", 4, 4)],
+    R: Annotated[ArrayLike, Covariance("K", "T", 2, 2)],
+    P: TrackCovariances,
+    p_detect: Annotated[float, Number(0.0, 1.0)],
+) -> Array:
+    """Posterior Cramer-Rao bound (K, T, 4, 4) of tracks seen with probability p_detect per scan.
+
+    ``F`` (K - 1, T, 4, 4) transitions, ``R`` (K, T, 2, 2) plot covariances at the true positions,
+    ``P`` (T, 4, 4) of the first state.  J_k = (F J_{k-1}^-1 F')^-1 + p_detect H' R_k^-1 H.
+    """
+    bounds = [P]
+    try:
+        for step, noise in zip(F, R[1:], strict=True):
+            J = np.linalg.inv(step @ bounds[-1] @ np.swapaxes(step, -1, -2))
+            J[..., ::2, ::2] += p_detect * np.linalg.inv(noise)
+            bounds.append(np.linalg.inv(J))
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            "ljipda_ai.position_bound: F, R or P is singular; give variances"
+        ) from None
+    return _finite("position_bound", np.array(bounds))[0]
+
+
+class Flags(Numbers):
+    """Rule: an array of True and False."""
+
+    dtype, kinds, wanted = np.dtype(bool), "b", "True or False"
+
+
+@checked
+def kept_rmse(
+    error: Annotated[ArrayLike, Numbers("n", "K", "T", 2, low=None)],
+    kept: Annotated[ArrayLike, Flags("n", "T", low=None)],
+) -> tuple[Array, Array]:
+    """RMSE (K, T, 2) over the trials that kept a track, NaN without one, and its influences.
+
+    `error` (n, K, T, 2), NaN where lost; `kept` (n, T) bool.  The influence (n, K, T, 2) is that of
+    each trial: its standard deviation over sqrt(n) is the standard error, also of means and paired
+    differences.
+    """
+    if not len(kept):
+        raise ValueError("ljipda_ai.kept_rmse: error and kept have no trial; give one at least")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weight = (kept / kept.mean(axis=0))[:, None, :, None]
+        square = np.where(kept[:, None, :, None], weight * np.square(error), 0.0)
+        mean = np.where(kept.any(axis=0)[:, None], square.mean(axis=0), np.nan)
+        return np.sqrt(mean), (square - weight * mean) / (2 * np.sqrt(mean))
+
+
+CERTAIN = 2.6  # standard errors, 99 %
+LEAST_SCANS, LEAST_CLAIMS, LAST_SCANS = 5, 20, 10
+FACTOR = 3.0  # by which a clutter density may be off
+SMALLEST_SHARE = 0.2  # of the errors that were told, within which plots may lie
+SAME = 1.0  # squared Mahalanobis distance below which two tracks are one; two targets have 4
+DEG = 1.0, math.pi / 180  # of range and azimuth in degrees
+READINGS = {  # of plots z and start states x
+    "the plots look like kilometres": lambda z, x: (1e3 * z, x),
+    "the start states look like kilometres": lambda z, x: (z, 1e3 * x),
+    "the plots look like [y, x]": lambda z, x: (z[:, ::-1], x),
+    "the plots look like [range, azimuth in rad]": lambda z, x: (kalman.cartesian(z), x),
+    "the plots look like [range, azimuth in degrees]": lambda z, x: (kalman.cartesian(z * DEG), x),
+    "the start states look like [x, y, vx, vy]": lambda z, x: (z, x[:, [0, 2, 1, 3]]),
+}
+
+
+class Seen(NamedTuple):
+    """What the gates of one scan hold."""
+
+    z: Any  # (M, 2) plots of the scan in m
+    gated: int  # plots in at least one gate
+    expected: float  # detections expected there
+    spread: float  # their variance
+    area: float  # of all gates in m^2
+    largest: float  # area of the largest gate
+    claims: float  # sum of the weights of plots over the tracks
+    along: float  # the same times squared distance from the prediction, along the line of sight
+    across: float  # and across it, each over its variance
+
+
+def look(z, gated, zhat, S, beta, expected, gamma):
+    """What the gates of one scan hold.
+
+    z : (M, 2) plots in m; gated : (C,) indices of those in gates; zhat : (T, 2) predictions;
+    S : (T, 2, 2) their covariances; beta : (T, C + 1) weights, first that of no plot;
+    expected : (T,) P_D P_G times the predicted existence; gamma : squared size of a gate
+    """
+    area = math.pi * gamma * np.sqrt(np.linalg.det(S))
+    claims = beta[:, 1:]
+    sums = [expected.sum(), (expected * (1 - expected)).sum(), area.sum(), area.max(initial=0.0)]
+    sums.append(claims.sum())
+    sight = zhat / np.hypot(*zhat.T)[:, None]
+    for axis in (sight, sight[:, ::-1] * (-1.0, 1.0)):
+        off = np.einsum("tmi,ti->tm", z[gated] - zhat[:, None], axis)
+        variance = np.einsum("ti,tij,tj->t", axis, S, axis)
+        sums.append((claims * off**2 / variance[:, None]).sum())
+    return Seen(z, len(gated), *map(float, sums))
+
+
+def contradiction(seen, x, P, existence, p_detect, clutter):
+    """What the plots contradict, in one line, or None.
+
+    seen : a Seen of each scan that was taken; x (K, T, 4), P (K, T, 4, 4), existence (K, T) of the
+    tracks; p_detect (T,); clutter in plots per m^2 and scan, or "estimate"
+    """
+    if not seen or not x.shape[1]:
+        return None
+    total = Seen(seen[0].z, *np.sum([one[1:] for one in seen], axis=0).tolist())
+    return (
+        _never_gated(seen, total, x[0], p_detect)
+        or _errors_too_large(total)
+        or _coincide(x, P, existence)
+        or _other_density(total, clutter)
+    )
+
+
+def _never_gated(seen, total, x, p_detect):
+    """No plot ever in a gate, and what plots and start states may be instead."""
+    seen = [one for one in seen if len(one.z)]
+    missed = len(seen) * np.log1p(-p_detect).sum()
+    if total.gated or len(seen) < LEAST_SCANS or missed > math.log(0.01):
+        return None
+    reading = _likely(np.concatenate([one.z for one in seen[:LEAST_SCANS]]), x)
+    return f"scans: no plot of {len(seen)} scans lies in a gate; {reading}"
+
+
+def _likely(z, x):
+    """The reading of plots and start states that brings them ten times as near, if one does."""
+    near = {words: _apart(*read(z, x)) for words, read in READINGS.items()}
+    best = min(near, key=near.get)
+    fits = near[best] < min(0.1, _apart(z, x) / 10)
+    return best if fits else "check units, origin and start states"
+
+
+def _apart(z, x):
+    """Median over the tracks of the distance to the nearest plot, over the track's range."""
+    off = np.hypot(*np.moveaxis(x[:, None, ::2] - z, -1, 0)).min(axis=1)
+    return np.median(off / np.hypot(*x[:, ::2].T))
+
+
+def _errors_too_large(total):
+    """Plots much nearer to the predictions than the errors that were told."""
+    shares = [math.sqrt(d2 / max(total.claims, 1e-9)) for d2 in (total.along, total.across)]
+    if total.claims < LEAST_CLAIMS or min(shares) > SMALLEST_SHARE:
+        return None
+    words = f"plots lie within {min(shares):.1g} of the errors that were told"
+    return f"sigma_r, sigma_theta_deg, P, Q: {words}; give them in the unit of the plots"
+
+
+def _coincide(x, P, existence):
+    """Two tracks that exist and have one state in each of the last scans."""
+    x, P, existence = (a[-LAST_SCANS:] for a in (x, P, existence))
+    both = (existence > 0.5).all(axis=0) & (len(x) == LAST_SCANS)
+    for a, b in np.argwhere(np.triu(both[:, None] & both, 1)):
+        off = x[:, a] - x[:, b]
+        d2 = (off * np.linalg.solve(P[:, a] + P[:, b], off[..., None])[..., 0]).sum(axis=1)
+        if d2.max() < SAME:
+            words = f"tracks {a} and {b} coincide in the last {LAST_SCANS} scans"
+            return f"x: {words}; take one out: close targets need a plot each to be kept apart"
+    return None
+
+
+def _other_density(total, clutter):
+    """False plots in the gates are many more or many fewer than the density says."""
+    if clutter == "estimate":
+        return None
+    false, most, least = total.gated - total.expected, clutter * total.area, clutter * total.largest
+    most, least = FACTOR * most, least / FACTOR
+    many = false - most > CERTAIN * math.sqrt(most + total.spread) + 3
+    few = least - max(false, 0.0) > CERTAIN * math.sqrt(least + total.spread) + 3
+    if not many and not few:
+        return None
+    words = f"{clutter:.2g} told, {max(false, 0.5) / total.area:.1g} per m^2 in the gates"
+    return f'clutter: {words}; give clutter="estimate", or the density'

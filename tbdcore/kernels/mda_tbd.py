@@ -1,24 +1,17 @@
-"""Sensor: what a frame of cells looks like, and what it says about a target.
+"""Bernoulli particle filter with measurement accumulation: frames of power, and their likelihoods.
 
-A frame is an array of cells ``z`` of shape (n_x, n_y), or (K, n_x, n_y) for K frames in a row;
-**the first axis is the first index of the paper** (x, or range), the second is the second (y, or
-azimuth).  Papers count cells from 1, arrays from 0: cell (i, j) is ``z[i - 1, j - 1]``.
+Source: Yu, Yang and Fu.  A frame is an array of power ``z`` (nr, na) in units of the noise power;
+**the first axis is range**, the second azimuth.  Papers count cells from 1, arrays from 0: cell
+(i, j) is ``z[i - 1, j - 1]``.  The target is a Gaussian blob of unknown amplitude in noise of
+exponential power.
 
-Gaussian image     a blob h of known amplitude in normal noise of standard deviation sigma
-                   (Miao and Chen)
-Point target       all of the target's signal in one cell; any noise, standard normal in the paper
-                   (Wan, Wang and Wu 2013)
-Range and azimuth  power of a Gaussian blob of unknown amplitude in noise of exponential power
-                   (Yu, Yang and Fu)
-
-Each section has a simulated frame and the log-likelihood ratio of "target at this state" against
-"noise only".  Cells are independent, and one that the target does not reach has the same factor
-under both hypotheses: the ratio is a product over a patch around the target, 1 outside the frame.
+Cells are independent, and one that the target does not reach has the same factor under both
+hypotheses: the likelihood ratio is a product over a patch around the target, 1 outside the frame.
 A place that is NaN or infinite is off the frame.
 
-For a known signal h and normal noise the log-ratio of one cell is h (2 z - h) / (2 sigma**2).
-Summed over the patch it is normal too, with mean +d**2/2 if the target is there and -d**2/2 if not,
-and variance d**2, where d**2 = sum h**2 / sigma**2 is the energy that a matched filter collects.
+``power_log_ratio`` takes an intensity, ``patch_fit`` estimates it, ``coherent_log_ratio`` has one
+amplitude in all cells.  ``inherit`` copies what was read
+along the past of particles.
 """
 
 import math
@@ -26,219 +19,41 @@ from functools import cache
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from scipy.special import i0e, i1e
+from scipy.special import chdtrc, i0e, i1e
 
 from tbdcore import checks
 from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, Random, checked
 from tbdcore.jit import kernel
+from tbdcore.particles import Ancestors
+from tbdcore.score import Positive
 
-__all__ = ["PolarGrid", "Spread", "add_target", "blob_image", "blob_log_ratio", "blob_peak"]
-__all__ += ["cell_power", "coherent_log_ratio", "noise_power", "patch_fit", "point_amplitude"]
-__all__ += ["point_frames", "polar_cells", "polar_grid", "power_log_ratio", "spread_area"]
-__all__ += ["spread_power"]
+__all__ = [
+    "PolarGrid",
+    "Spread",
+    "add_target",
+    "cell_power",
+    "coherent_log_ratio",
+    "column_test",
+    "inherit",
+    "noise_power",
+    "ospa_bernoulli",
+    "patch_fit",
+    "polar_cells",
+    "polar_grid",
+    "power_log_ratio",
+    "spread_area",
+    "spread_power",
+]
 
 HIGH = 1e50  # largest value in a frame, and largest intensity: products stay finite
 Real = Annotated[float, Number()]
-Positive = Annotated[float, Number(1e-9, 1e9)]
-Peak = Annotated[float, Number(-HIGH, HIGH)]
 Shape = Annotated[ArrayLike, Integers(2, low=0)]  # (n_x, n_y), or (nr, na)
-Frame = Annotated[ArrayLike, Numbers("n_x", "n_y", low=-HIGH, high=HIGH, single=True)]
-States = Annotated[ArrayLike, Numbers("N", "d", low=None)]
-Regimes = Annotated[ArrayLike, Integers("N")]
-Deviation = Annotated[float, Number(1.0 / HIGH, HIGH)]
-Place = Annotated[ArrayLike, Numbers(..., nan=True)]
 Power = Annotated[ArrayLike, Numbers("nr", "na", low=0.0, high=HIGH, single=True)]
 Places = Annotated[ArrayLike, Numbers("N", low=None)]  # in cells; NaN is off the frame
 Intensities = Annotated[ArrayLike, Numbers("N", low=-HIGH, high=HIGH)]
 
-# Gaussian image: a blob of known amplitude in normal noise
-
-
-@checked
-def blob_peak(
-    intensity: Annotated[float, Number(0.0, HIGH)],
-    blur: Positive,
-    delta: Annotated[float, Number(0.0, 1e9)] = 1.0,
-) -> float:
-    """Amplitude of the blob's centre, delta**2 I / (2 pi blur**2), intensity I, cell size delta."""
-    return delta * delta * intensity / (2.0 * math.pi * blur * blur)
-
-
-@checked
-def blob_image(x: Place, y: Place, peak: Peak, blur: Positive, shape: Shape) -> Array:
-    """Noise-free frames h of a Gaussian blob: (n_x, n_y), or (K, n_x, n_y) for K positions.
-
-    x, y : numbers or (K,), in cells, counted from 1; NaN: no target, h = 0.
-    peak : amplitude at the centre; blur : standard deviation in cells; shape : (n_x, n_y).
-    """
-    if x.shape != y.shape or x.ndim > 1:
-        raise ValueError(f"blob_image: y: shape {y.shape}, x {x.shape}; give two numbers or (K,)")
-    g = []
-    for v, n in zip((x, y), shape, strict=True):
-        d = np.arange(1, n + 1) - v[..., None]
-        g.append(np.exp(-(d**2) / (2.0 * blur * blur)))
-    return np.nan_to_num(peak * g[0][..., :, None] * g[1][..., None, :], nan=0.0)
-
-
-def blob_log_ratio_spec(z, S, r, peak, blur, noise):
-    """Every cell, and a mask for the patch."""
-    out = np.zeros(len(r))
-    i, j = (np.arange(1, n + 1) for n in z.shape)
-    for n in np.flatnonzero(r):
-        x, y = S[n, 0], S[n, 2]
-        near = np.outer(np.abs(i - np.floor(x + 0.5)) <= 2, np.abs(j - np.floor(y + 0.5)) <= 2)
-        h = peak * np.exp(-np.add.outer((i - x) ** 2, (j - y) ** 2) / (2 * blur**2))
-        out[n] = (h * (2 * z - h) / (2 * noise**2))[near].sum()
-    return out
-
-
-@kernel
-def _blob_exponents(S, r, nx, ny, blur, decay):
-    """Particles whose patch has cells in the frame; arguments (n, 3) of their exponentials."""
-    present = np.empty(r.size, np.int64)
-    m = 0
-    for n in range(r.size):
-        x = S[n, 0]
-        y = S[n, 2]
-        present[np.uint64(m)] = n  # the next one overwrites it, unless it counts: no branch
-        m += (r[n] != 0) & (x >= -1.5) & (x < nx + 2.5) & (y >= -1.5) & (y < ny + 2.5)
-        if (r[n] != 0) & ((x != x) | (y != y)):
-            raise ValueError("states: NaN in the position of a particle that is present")
-    present = present[:m]
-    g = np.empty((m, 3))
-    for k in range(m):
-        n = np.uint64(present[k])
-        dx = np.floor(S[n, 0] + 0.5) - S[n, 0]
-        dy = np.floor(S[n, 2] + 0.5) - S[n, 2]
-        g[k, 0] = -0.5 / (blur * blur) * (dx * dx + dy * dy)
-        g[k, 1] = -decay * dx
-        g[k, 2] = -decay * dy
-    return present, g
-
-
-@kernel
-def _five_weights(up, down, one, two):
-    """g of the cells -2, -1, 1 and 2 beside the nearest one, in units of its own g.
-
-    up, down : exp(-d / b**2) and its inverse; one, two : exp(-m**2 / 2 b**2) for m = 1, 2
-    """
-    return down * down * two, down * one, up * one, up * up * two
-
-
-@kernel
-def _row_sum(z, i, j, w):
-    """Five cells of row i from column j on, with the weights w; the middle one has weight 1."""
-    row = np.uint64(i)  # unsigned: no test for indices below 0
-    near = w[0] * z[row, np.uint64(j)] + w[1] * z[row, np.uint64(j + 1)] + z[row, np.uint64(j + 2)]
-    return near + w[2] * z[row, np.uint64(j + 3)] + w[3] * z[row, np.uint64(j + 4)]
-
-
-@kernel
-def _blob_sums(z, S, present, g, decay, peak, noise):
-    """The log-ratios (N,): the two sums of :func:`blob_log_ratio`; 0 of particles not present.
-
-    present : indices of the particles with a cell in the frame
-    g : (n, 3) g_i g_j of the nearest cell, exp(-d / b**2) of the rows, and of the columns
-
-    Both sums are in units of the nearest cell's g_i g_j, which is ``centre``.  The five weights of
-    an axis, x of the rows and y of the columns, are then 1 in the middle:
-    match is the sum of x_i (sum of y_j z_ij), energy (sum of x_i**2) (sum of y_j**2).  Only cells
-    in the frame count: ``framed`` is z in a margin of zeros, ``inside`` 1 in the frame, else 0.
-    """
-    nx, ny = z.shape
-    one = math.exp(-0.5 * decay)
-    two = math.exp(-2.0 * decay)
-    framed = np.zeros((nx + 8, ny + 8))  # a margin of 4: as far as a patch can reach
-    for i, j in np.ndindex(nx, ny):  # a slice would take two seconds more to compile
-        framed[i + 4, j + 4] = z[i, j]
-    inside = np.zeros((2, max(nx, ny) + 8))
-    for k in range(4, inside.shape[1]):
-        inside[0, k] = k < nx + 4
-        inside[1, k] = k < ny + 4
-    out = np.zeros(len(S))
-    for m in range(present.size):
-        n = np.uint64(present[m])
-        i = math.floor(S[n, 0] + 0.5) + 1  # first row and column of the patch in ``framed``
-        j = math.floor(S[n, 2] + 0.5) + 1
-        both = 1.0 / (g[m, 1] * g[m, 2])  # one division for two inverses
-        x = _five_weights(g[m, 1], both * g[m, 2], one, two)
-        y = _five_weights(g[m, 2], both * g[m, 1], one, two)
-        match = x[0] * _row_sum(framed, i, j, y)
-        match += x[1] * _row_sum(framed, i + 1, j, y)
-        match += x[2] * _row_sum(framed, i + 3, j, y) + x[3] * _row_sum(framed, i + 4, j, y)
-        match += _row_sum(framed, i + 2, j, y)
-        energy = _row_sum(inside, 0, i, (x[0] * x[0], x[1] * x[1], x[2] * x[2], x[3] * x[3]))
-        energy *= _row_sum(inside, 1, j, (y[0] * y[0], y[1] * y[1], y[2] * y[2], y[3] * y[3]))
-        centre = g[m, 0]
-        out[n] = peak * centre * (match - 0.5 * peak * centre * energy) / (noise * noise)
-    return out
-
-
-@checked
-def blob_log_ratio(
-    z: Frame, S: States, r: Regimes, peak: Peak, blur: Positive, noise: Deviation
-) -> Array:
-    """Log-likelihood ratio (N,) of the 5 x 5 patch around each particle: target against noise only.
-
-    z : (n_x, n_y) frame; S : (N, d) states, x in column 0 and y in column 2, in cells
-    r : (N,) regimes, 0 absent; log-ratio 0 where absent, or no cell of the patch is in the frame.
-        NaN in the position of a particle that is present is a ValueError.
-    peak, blur, noise : amplitude and standard deviation of the blob, standard deviation of z
-
-    The patch misses 1e-7 of the energy at a blur of 0.6 cells, 0.2 % at one.  The sum is
-    (peak sum g_i g_j z_ij - peak**2 / 2 sum g_i**2 sum g_j**2) / noise**2,  and g, with d the
-    offset to the nearest cell, m cells further exp(-d**2 / 2b**2) * exp(-d / b**2)**m *
-    exp(-m**2 / 2b**2): three exponentials serve 25 cells.
-    """
-    if S.shape[1] < 3:
-        raise ValueError("blob_log_ratio: S: give (N, d), x in column 0 and y in column 2")
-    # exp(decay) must be finite: _five_weights has exp(-d / b**2)**2, |d| up to 0.5
-    decay = min(1.0 / (blur * blur), 700.0)  # a sharper blob has 1e-38 of its peak beyond its cell
-    present, g = _blob_exponents(S, r, *z.shape, blur, decay)
-    np.exp(g, out=g)  # NumPy's takes a fifth of the time of a compiled loop's
-    return _blob_sums(z, S, present, g, decay, peak, noise)
-
-
-# Point target: all of the signal in one cell
-
-
-@checked
-def point_amplitude(
-    snr_db: Annotated[ArrayLike, Numbers(..., low=-1000.0, high=1000.0)],
-    sigma: Annotated[float, Number(0.0, HIGH)] = 1.0,
-) -> Array:
-    """Amplitude A of a point target of SNR 10 log10(A**2 / sigma**2) dB; sigma: of the noise."""
-    return sigma * 10.0 ** (snr_db / 20.0)
-
-
-@checked
-def point_frames(
-    noise: Annotated[ArrayLike, Numbers("K", "n_x", "n_y", single=True)],
-    cells: Annotated[ArrayLike, Integers("K", 2)],
-    amplitude: Annotated[ArrayLike, Numbers(...)],
-) -> Array:
-    """Frames z (K, n_x, n_y): noise w, A + w in the target's cell (Wan, Wang and Wu 2013, eq. 1).
-
-    noise : (K, n_x, n_y), not changed; the result has its type
-    cells : (K, 2) of int, the target's cell in each frame, **counted from 0**
-    amplitude : A, or (K,), in the noise's unit
-    """
-    K = len(noise)
-    shape = noise.shape[1:]
-    if amplitude.shape not in ((), (K,)):
-        raise ValueError(f"point_frames: amplitude: shape {amplitude.shape}; a number or ({K},)")
-    inside = (cells >= 0) & (cells < shape)
-    if not inside.all():
-        k = int(inside.all(axis=1).argmin())
-        raise ValueError(f"point_frames: cells[{k}] is {cells[k].tolist()}, outside {shape}")
-    z = noise.copy()
-    z[np.arange(K), cells[:, 0], cells[:, 1]] += amplitude
-    return z
-
 
 # Range and azimuth: a point of unknown intensity in exponential power
-
-
 class PolarGrid(NamedTuple):
     """Cells of a range-azimuth frame: lower ends and sizes (m, rad), numbers of cells."""
 
@@ -501,7 +316,6 @@ def power_log_ratio(
 # - Particles in one cell have the same patch z.  Where TOGETHER or more share a cell, they are the
 #   inner loop, and the processor does several at once (_weigh_together); others go one by one.
 #   Both ways do the same operations in the same order: a particle's bits do not depend on the way.
-
 TOGETHER = 8  # particles of one cell from which on they are the inner loop
 MOST_TOGETHER = 256  # at most: their arrays stay in the first-level cache
 OVERFLOW = 1e300  # a product of 1 + s from here on is replaced by its logarithm
@@ -781,7 +595,6 @@ def _patch_fit(z, rho, alpha, peaks, spread):
 
 
 # One amplitude for the whole patch
-
 _KNOTS, _END = 64, 32  # knots per unit of x, last x
 
 
@@ -957,3 +770,93 @@ def coherent_log_ratio(
         arguments = z, rho[n], alpha[n], snr[n], part, amplitude, step, _bessel_table()
         out[n] = _coherent(*arguments)
     return out
+
+
+# Ancestors' history: what was read along a particle's past in the last `window` frames, in
+# H (window, s, N), s samples a frame.  Frame k is in row k mod window, whatever a particle's age.
+def inherit_spec(H, age, ancestors, births):
+    """Specification of :func:`inherit`: fancy indices, and zeros behind them."""
+    return tuple(
+        np.concatenate((a[..., ancestors], np.zeros((*a.shape[:-1], births), a.dtype)), axis=-1)
+        for a in (H, age)
+    )
+
+
+@checked
+@kernel
+def inherit(
+    H: Annotated[ArrayLike, Numbers("window", "s", "N", low=None)],
+    age: Annotated[ArrayLike, Integers("N")],
+    ancestors: Ancestors,
+    births: Annotated[int, Integer(0)],
+) -> tuple[Array, Array]:
+    """History and age after resampling: those of the ancestors (M,), then those of new particles.
+
+    H : (window, s, N), s samples a frame; age : (N,) frames recorded since birth; births : number
+    of particles without a history.  Returns new arrays, (window, s, M + births) and (M + births,).
+    """
+    M, size = ancestors.size, ancestors.size + births
+    moved, older = np.empty((H.shape[0], H.shape[1], size)), np.zeros(size, age.dtype)
+    for m in range(M):
+        if not 0 <= ancestors[m] < age.size:
+            raise ValueError("mda_tbd.inherit: ancestors must be 0 to N - 1")
+        older[m] = age[np.uint64(ancestors[m])]  # unsigned: no test for an index from the end
+    for i in range(H.shape[0]):
+        for j in range(H.shape[1]):
+            old, new = H[i, j], moved[i, j]
+            for m in range(M):
+                new[m] = old[np.uint64(ancestors[m])]
+            new[M:] = 0.0
+    return moved, older
+
+
+Maybe = Annotated[ArrayLike, Numbers(..., "d", low=None)]
+Column = Annotated[ArrayLike, Numbers("r")]
+
+
+@checked
+def ospa_bernoulli(
+    x: Maybe,
+    existence: Annotated[ArrayLike, Numbers(...)],
+    truth: Maybe,
+    c: Positive,
+    threshold: Annotated[float, Number()] = 0.5,
+) -> Array:
+    """OSPA (...,) of at most one estimate and one target; every order p gives the same number.
+
+    x : (..., d) estimates, none (or NaN) where existence (...,) is at or below the threshold
+    truth : (..., d), NaN for no target
+    """
+    if x.shape != truth.shape or x.shape[:-1] != existence.shape:
+        words = f"x {x.shape}, existence {existence.shape}, truth {truth.shape}"
+        raise ValueError(f"mda_tbd.ospa_bernoulli: {words}; give (..., d), (...,), (..., d)")
+    declared, present = existence > threshold, ~np.isnan(truth[..., 0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance = np.minimum(np.sqrt(np.sum(np.square(x - truth), axis=-1)), c)
+    if np.isnan(distance[declared & present]).any():
+        raise ValueError("mda_tbd.ospa_bernoulli: a declared x or its target has a NaN; remove it")
+    return np.where(declared & present, distance, np.where(declared | present, float(c), 0.0))
+
+
+@checked
+def column_test(
+    measured: Column,
+    printed: Column,
+    covariance: Annotated[ArrayLike, Numbers("r", "r")],
+    ratio: Annotated[float, Number(0.0)],
+    half: Annotated[float, Number(0.0)] = 0.0,
+) -> tuple[float, float, float, float]:
+    """Whether a table's column agrees with ours as a whole: mean difference, its error, z, and p.
+
+    measured, printed : (r,); covariance : (r, r) of our values; ratio : our number of trials over
+    the paper's; half : half of the last printed digit.  The mean difference tests for a common
+    shift; p is that of d' C**-1 d, chi-square with r degrees of freedom.
+    """
+    d = measured - printed
+    C = covariance * (1.0 + ratio) + np.eye(d.size) * half**2 / 3.0
+    try:
+        p = float(chdtrc(d.size, d @ np.linalg.solve(C, d)))
+    except np.linalg.LinAlgError:
+        raise ValueError("mda_tbd.column_test: covariance is singular; leave a row out") from None
+    shift, se = float(d.mean()), float(np.sqrt(C.sum())) / d.size
+    return shift, se, shift / se, p

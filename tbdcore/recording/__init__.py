@@ -1,0 +1,33 @@
+"""From a recording to what a filter takes: noise, background, thresholds, plots, blur, a target.
+
+    at = recording.clipped(frames)                      # mean and spread of the noise
+    z = recording.normalise(frames, at)                 # white noise: mean 0, variance 1
+    print(misfit.fit(z))                                # does the noise look like that?
+    peaks = [statistic(block) for block in recording.blocks(z, 11)]
+    V_T = recording.threshold(peaks, 0.05).value
+
+``frames`` (K, nx, ny) are in their order of time; a list will do, in which None is a missing frame.
+**A gap is NaN**, a cell or a frame: estimates leave it out, and frames that are returned keep it.
+
+The law of the noise is ``"gaussian"`` (values around a mean, chapters 01 and 02) or
+``"exponential"`` (power, chapter 03); any other law is turned into one of these two by
+``normal_scores``, or into log-likelihood ratios by ``log_ratio``.  *Normalised* frames have noise
+of mean 0 and variance 1, or power of mean 1.
+
+``levels``      noise and background: the level of each cell, frames in units of it
+``laws``        any law of the noise
+``thresholds``  blocks without a target, and the threshold that they give
+``detections``  plots from cells, plots of one ship made one, start states
+``targets``     blur, and a target in one's own frames
+``misfit``      whether frames agree with what a filter is told
+"""
+
+from tbdcore.recording.detections import merge_plots, plots, starts
+from tbdcore.recording.laws import TailedLaw, empirical_law, log_ratio, normal_scores
+from tbdcore.recording.levels import Level, background, bin_cells, clipped, normalise
+from tbdcore.recording.targets import Blur, blur_of, inject
+from tbdcore.recording.thresholds import Threshold, blocks, threshold
+
+__all__ = ["Blur", "Level", "TailedLaw", "Threshold", "background", "bin_cells", "blocks"]
+__all__ += ["blur_of", "clipped", "empirical_law", "inject", "log_ratio", "merge_plots"]
+__all__ += ["normal_scores", "normalise", "plots", "starts", "threshold"]

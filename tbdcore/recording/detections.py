@@ -1,0 +1,124 @@
+"""Plots from cells, plots of one ship made one, and start states from three scans.
+
+``frames`` (K, nx, ny) are in their order of time; **a gap is NaN**, a cell or a frame.
+"""
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+
+from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked, numbers
+from tbdcore.noise import Frames, Law
+
+__all__ = ["merge_plots", "plots", "starts"]
+
+BOUND = 1.5 * math.sqrt(2 / math.pi)
+Positive = Annotated[float, Number(1e-100, 1e100)]
+Pair = Annotated[ArrayLike, Numbers(2)]
+
+
+# Plots from cells
+@checked
+def plots(
+    frames: Frames,
+    eta: Annotated[float, Number(-1e50, 1e50)],
+    law: Law = "gaussian",
+    origin: Pair = (0.0, 0.0),
+    cell: Pair = (1.0, 1.0),
+) -> list:
+    """Plots of each frame: a list of (n, 5), place on both axes, strength, accuracy on both axes.
+
+    Cells above ``eta`` that touch, also at a corner, are one plot (Rosenfeld and Pfaltz 1966); a
+    missing frame gives None.  Place is the centroid weighted by what is above the mean, strength
+    the largest value.  Accuracy is the standard deviation of the place: 1.5 times the bound for a
+    blurred point in white noise, sqrt(2 / pi) cells over the amplitude in units of the noise
+    (Winick 1986), and the rounding to cells, 1 / sqrt(12) of a cell for one row, less for more.
+
+    frames, eta : normalised; threshold in the same unit, above the noise's mean
+    origin, cell : place of the centre of cell (0, 0), and size of a cell, on each axis.  With
+        range (m) and azimuth (rad) the columns are those of chapter 04; chapter 05 takes x, y and
+        amplitude, [r cos(a), r sin(a), sqrt(2 strength)].
+    """
+    mean = float(law == "exponential")
+    if eta <= mean:
+        raise ValueError(f"recording.plots: eta: {eta:g} is not above the noise's mean, {mean:g}")
+    return [_plots(z, eta, mean, origin, cell) if (z == z).any() else None for z in frames]
+
+
+def _plots(frame, eta, mean, origin, cell):
+    """The table of :func:`plots` of one frame."""
+    from scipy import ndimage
+
+    label, n = ndimage.label(frame > eta, np.ones((3, 3)))
+    if not n:
+        return np.empty((0, 5))
+    number = np.arange(1, n + 1)
+    place = np.array(ndimage.center_of_mass(frame - mean, label, number))
+    strength = np.array(ndimage.maximum(frame, label, number))[:, None]
+    noise = BOUND / (np.sqrt(2 * strength) if mean else strength)
+    boxes = ndimage.find_objects(label)
+    rows = np.array([[side.stop - side.start for side in box] for box in boxes])
+    accuracy = abs(cell) * np.sqrt(noise**2 + 1 / (12 * rows**3))
+    return np.hstack([origin + cell * place, strength, accuracy])
+
+
+@checked
+def merge_plots(
+    scan: Annotated[ArrayLike, Numbers("n", "d")],
+    distance: Annotated[float, Number(0.0, 1e12)],
+    weights: Any = None,
+) -> Array:
+    """Plots of one extended target made one: rows (m, d) of x, y and any further columns.
+
+    Plots at most ``distance`` apart, also through others between them, are one (single linkage,
+    Sibson 1973); each column is the mean over the group.
+
+    weights : (n,) positive, such as strengths; None: all alike
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    place = _places("recording.merge_plots: scan", scan)
+    weights = np.ones(len(scan)) if weights is None else weights
+    w = numbers("recording.merge_plots: weights", weights, len(scan), low=1e-300)
+    n, group = connected_components(abs(place[:, None] - place) <= distance, directed=False)
+    member = (group == np.arange(n)[:, None]) * w
+    return member @ scan / member.sum(axis=1, keepdims=True)
+
+
+def _places(name, scan):
+    """Places (n,) of the plots of a scan as x + iy."""
+    scan = numbers(name, scan, "n", "d")
+    if scan.shape[1] < 2:
+        raise ValueError(f"{name}: shape {scan.shape}; give rows x, y, ...")
+    return scan[:, 0] + 1j * scan[:, 1]
+
+
+@checked
+def starts(
+    scans: Any, t: Annotated[ArrayLike, Numbers(3)], fastest: Positive, sigma: Positive
+) -> tuple[Array, Array]:
+    """Start states (n, 4) of [x, vx, y, vy] and covariances (n, 4, 4), from three scans in a row.
+
+    scans : three arrays of rows x, y, further columns are not read; None was not taken
+    t : their times; the states are those at the last one
+    fastest, sigma : largest speed; standard deviation of a plot's place on each axis
+
+    A start is a plot of the first and one of the last scan with a third one between them, within
+    three standard deviations of constant velocity (two-point differencing, Bar-Shalom, Li and
+    Kirubarajan 2001, 5.5.3).  The units are those of the plots.
+    """
+    before, after = np.diff(t).tolist()
+    if len(scans) != 3 or min(before, after) <= 0:
+        raise ValueError(f"recording.starts: {len(scans)} scans; give three, and t that rises")
+    scans = [np.empty((0, 2)) if scan is None else scan for scan in scans]
+    places = [_places(f"recording.starts: scans[{k}]", scan) for k, scan in enumerate(scans)]
+    (first, middle, last), rate = places, 1 / (before + after)
+    limit = 3 * sigma * math.hypot(1 / before, 1 / after, 1 / before + 1 / after)
+    bend = [(last - m) / after - ((m - first) / before)[:, None] for m in middle]
+    straight = (abs(np.reshape(bend, (middle.size, first.size, last.size))) <= limit).any(axis=0)
+    v = (last - first[:, None]) * rate
+    i, j = np.nonzero(straight & (abs(v) <= fastest))
+    x = np.stack([last[j].real, v[i, j].real, last[j].imag, v[i, j].imag], axis=-1)
+    P = np.kron(np.eye(2), sigma**2 * np.array([[1, rate], [rate, 2 * rate**2]]))
+    return x, np.tile(P, (len(x), 1, 1))
