@@ -1,9 +1,12 @@
 # README.md says what these commands do; the scripts are in .ci/.
-.PHONY: reproduce test verify book environment
+.PHONY: reproduce check test verify book environment
 
 reproduce: environment
 	@.venv/bin/tbdcore run
 	@.venv/bin/tbdcore score
+
+check:
+	@sh .ci/check
 
 test:
 	@sh .ci/test

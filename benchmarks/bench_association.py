@@ -61,7 +61,7 @@ def peer_rows():
         seconds = best(our_marginals, where, plots)
         peer = best(peer_marginals, where, plots, repeat=2) if known else None
         yield Row(
-            "association.gate, jipda",
+            "ljipda_ai.gate, jipda",
             f"scan of {T} tracks, {M} plots",
             seconds,
             None,
@@ -74,14 +74,14 @@ def peer_rows():
 def rows():
     """Marginals of one scan, then whole trials by every method."""
     yield Row(
-        "association.jipda",
+        "ljipda_ai.jipda",
         "10 tracks share 12 plots",
         best(ljipda_ai.jipda, *scene(10, 12)),
         asked_seconds=1e-3,
     )
     small = scene(4, 6)
     yield Row(
-        "association.jipda",
+        "ljipda_ai.jipda",
         "4 tracks, 6 plots",
         best(ljipda_ai.jipda, *small),
         best(ljipda_ai.jipda_spec, *small, repeat=2),
@@ -91,21 +91,21 @@ def rows():
         args = np.zeros((T, T + 2)), *scene(T, T + 2)[1:]
         listed = best(ljipda_ai.jipda_spec, *args, repeat=1) if T <= 4 else None
         yield Row(
-            "association.jipda",
+            "ljipda_ai.jipda",
             f"{T} tracks share {T + 2} plots",
             best(ljipda_ai.jipda, *args),
             listed,
         )
         linear = args[0], *args
         yield Row(
-            "association.ljipda",
+            "ljipda_ai.ljipda",
             f"{T} tracks share {T + 2} plots",
             best(ljipda_ai.ljipda, *linear),
         )
     for name in ("ipda", "visibility", "modulated_log_ratio", "prior_odds"):
         kernel, spec = getattr(ljipda_ai, name), getattr(ljipda_ai, f"{name}_spec")
         yield Row(
-            f"association.{name}",
+            f"ljipda_ai.{name}",
             "10 tracks share 12 plots",
             best(kernel, *scene(10, 12)),
             best(spec, *scene(10, 12)),
@@ -113,7 +113,7 @@ def rows():
     log_ratio, existence, detect = scene(10, 12)
     args = log_ratio, np.zeros_like(log_ratio), existence, detect
     yield Row(
-        "association.ljipda",
+        "ljipda_ai.ljipda",
         "10 tracks share 12 plots",
         best(ljipda_ai.ljipda, *args),
         best(ljipda_ai.ljipda_spec, *args),

@@ -72,4 +72,4 @@ def rows():
         if name == "conventional":
             peer = "scipy maximum_filter", best(filters, frames)
         work = f"trial of {K} frames, {states} states"
-        yield Row(f"dynprog.forward ({name})", work, seconds, spec, limit, *peer, ASKED.get(name))
+        yield Row(f"dp_tbd.forward ({name})", work, seconds, spec, limit, *peer, ASKED.get(name))

@@ -84,18 +84,18 @@ def rows():
     peer = best(numpy_log_ratio, z, rho, alpha, snr, TRUE, repeat=3)
     spec = 80 * best(mda_tbd.power_log_ratio_spec, z, *few, TRUE, repeat=2)
     yield Row(
-        "sensor.power_log_ratio", "8000 particles, 5 x 13 cells", ours, spec, limit, "NumPy", peer
+        "mda_tbd.power_log_ratio", "8000 particles, 5 x 13 cells", ours, spec, limit, "NumPy", peer
     )
     fit, fit_spec = (
         best(mda_tbd.patch_fit, z, rho, alpha, TRUE),
         80 * best(mda_tbd.patch_fit_spec, z, *few[:2], TRUE, repeat=2),
     )
-    yield Row("sensor.patch_fit", "8000 particles, 5 x 13 cells", fit, fit_spec)
+    yield Row("mda_tbd.patch_fit", "8000 particles, 5 x 13 cells", fit, fit_spec)
     cell, cell_spec = (
         best(mda_tbd.cell_power, z, rho, alpha),
         80 * best(mda_tbd.cell_power_spec, z, *few[:2], repeat=2),
     )
-    yield Row("sensor.cell_power", "8000 particles", cell, cell_spec)
+    yield Row("mda_tbd.cell_power", "8000 particles", cell, cell_spec)
     H, age, ancestors = (
         rng.random((8, 1, 8000)),
         np.zeros(8000, int),

@@ -318,7 +318,10 @@ def figures_page(text, chapters):
 def core_page():
     """The interface of each module of the core."""
     directive = "## {0}\n\n```{{eval-rst}}\n.. automodule:: tbdcore.{0}\n```\n"
-    return "\n".join(directive.format(file.stem) for file in sorted(paths.PACKAGE.glob("[!_]*.py")))
+    rooms = [paths.PACKAGE, paths.PACKAGE / "kernels", paths.PACKAGE / "recording"]
+    files = [file for room in rooms for file in sorted(room.glob("[!_]*.py"))]
+    names = [file.relative_to(paths.PACKAGE).with_suffix("").parts for file in files]
+    return "\n".join(directive.format(".".join(parts)) for parts in names)
 
 
 # The book --------------------------------------------------------------------------------------

@@ -19,12 +19,6 @@ CHINESE = scorecard.chinese().read_text(encoding="utf-8")
 PAPERS = tomllib.loads(paths.BIBLIOGRAPHY.read_text(encoding="utf-8"))
 
 
-def test_the_readme_has_at_most_900_words():
-    text = re.sub(r"```.*?```|<!--.*?-->", "", README, flags=re.DOTALL)
-    words = [word for word in text.split() if re.search(r"\w", word)]
-    assert len(words) <= 900
-
-
 @pytest.mark.parametrize("text", [README, CHINESE], ids=["README.md", "README.zh.md"])
 @pytest.mark.parametrize("paper", PAPERS)
 def test_a_paper_is_found_by_its_titles(paper, text):
