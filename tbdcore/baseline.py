@@ -1,4 +1,4 @@
-"""The plain alternative to tracking before detection: one frame at a time, and its scores.
+"""The plain alternatives to tracking before detection: single frames, and recursions over cells.
 
 The largest values of frames without a target give a threshold (``recording.threshold``).  Frames
 have the shape (K, nx, ny), declarations (..., K) are Boolean.  NaN cells are gaps: they are left
@@ -11,11 +11,11 @@ from typing import Annotated
 import numpy as np
 from scipy.special import betainc
 
-from tbdcore.checks import Array, ArrayLike, Integer, Numbers, Rule, array, checked
+from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, Rule, array, checked
 from tbdcore.noise import Frames, Law
 
-__all__ = ["brightest", "delay", "kept_share", "m_of_n", "m_of_n_probability"]
-__all__ += ["masked_rmse", "matched_filter", "mean_se"]
+__all__ = ["brightest", "delay", "grid_filter", "kept_share", "m_of_n", "m_of_n_probability"]
+__all__ += ["masked_rmse", "matched_filter", "mean_se", "recursive_maximum"]
 
 
 class FlagsRule(Rule):
@@ -35,6 +35,8 @@ Flags = Annotated[ArrayLike, FlagsRule()]
 Blur = Annotated[ArrayLike, Numbers(..., low=1e-3, high=100.0)]
 Count = Annotated[int, Integer(1, 2**31)]
 Start = Annotated[int, Integer(0)]
+Probability = Annotated[float, Number(0.0, 1.0)]
+MOST_RATIO = 700.0  # log-ratios are cut at +-700: their exponentials are finite
 
 
 @checked
@@ -77,6 +79,66 @@ def brightest(frames: Frames) -> tuple[Array, Array]:
     value = flat.max(axis=1)
     cells = np.stack(np.divmod(flat.argmax(axis=1), frames.shape[2]), axis=-1)
     return np.where(value[:, None] > -np.inf, cells, -1), value
+
+
+@checked
+def grid_filter(
+    log_ratios: Frames,
+    walk: Annotated[ArrayLike, Numbers("2a+1", "2b+1", low=0.0, high=1.0)],
+    stay: Probability,
+    birth: Probability,
+) -> Array:
+    """Probability W (K, nx, ny) that the target is in each cell, given all frames so far.
+
+    The Bayes filter of one target on a grid with a state of no target: likelihood ratio detection
+    and tracking (Stone 2001, A Bayesian Approach to Multiple-Target Tracking, section 10.6).
+    Before the first frame there is no target.
+
+        W_ = stay conv(W, walk) + birth (1 - sum W) / cells,   W = L W_ / (1 - sum W_ + sum L W_)
+
+    so that 1 - sum W is the probability of no target.  A target that walks off the frame is gone.
+
+    log_ratios : (K, nx, ny) ln L of each cell, target against noise; NaN is no evidence
+    walk : (2a+1, 2b+1) probabilities of the steps between two frames, their sum 1
+    stay, birth : probabilities that a target stays, and that one appears where there is none
+    """
+    from scipy.ndimage import convolve
+
+    if abs(walk.sum() - 1.0) > 1e-9 or not walk.size % 2:
+        raise ValueError("baseline.grid_filter: walk: give odd sizes, and probabilities of sum 1")
+    K, nx, ny = log_ratios.shape
+    ratios = np.exp(np.clip(np.nan_to_num(log_ratios.astype(float)), -MOST_RATIO, MOST_RATIO))
+    posterior, W = np.empty((K, nx, ny)), np.zeros((nx, ny))
+    for k in range(K):
+        prior = stay * convolve(W, walk, mode="constant") + birth * (1.0 - W.sum()) / W.size
+        weighted = ratios[k] * prior
+        W = weighted / (max(1.0 - prior.sum(), 0.0) + weighted.sum())
+        posterior[k] = W
+    return posterior
+
+
+@checked
+def recursive_maximum(
+    log_ratios: Frames,
+    walk: Annotated[int, Integer(0, 1000)],
+    memory: Annotated[float, Number(0.0, 1.0)],
+) -> Array:
+    """Value V (K, nx, ny) of the best path to each cell, with a memory that fades.
+
+        V = ln L + memory max(0, largest V of the last frame within ``walk`` cells on each axis)
+
+    Recursive dynamic programming with a reset at 0.  With memory 1 and walk 0 it is Page's test of
+    each cell (Page 1954); this form with a memory below 1 was found in no publication.
+
+    log_ratios : (K, nx, ny) ln L of each cell, target against noise; NaN is no evidence
+    """
+    from scipy.ndimage import maximum_filter
+
+    values = np.nan_to_num(log_ratios.astype(float))
+    for k in range(1, len(values)):
+        best = maximum_filter(values[k - 1], 2 * walk + 1, mode="constant", cval=-np.inf)
+        values[k] += memory * np.maximum(best, 0.0)
+    return values
 
 
 @checked

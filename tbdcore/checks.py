@@ -54,7 +54,8 @@ def checked(function=None, *, inside=None):
     if function is None:
         return functools.partial(checked, inside=inside)
     plain = getattr(function, "py_func", function)
-    compiled = inside or (None if plain is function else function)
+    compiled = inside or function
+    compiled = compiled if hasattr(compiled, "py_func") else None  # nor is it without Numba
     signature = inspect.signature(plain)
     where = f"{plain.__module__}.{plain.__name__}".removeprefix("tbdcore.")
     found = [p.replace(annotation=_rule_of(p.annotation)) for p in signature.parameters.values()]

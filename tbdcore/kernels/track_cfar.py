@@ -125,7 +125,7 @@ def false_plot(
 def _in_place(compiled):
     """A kernel that changes a track in place, checked: one that it refuses stays as it was."""
 
-    @functools.wraps(compiled.py_func)
+    @functools.wraps(getattr(compiled, "py_func", compiled))
     def step(x, P, *args):
         x[...], P[...] = _finite(step.__name__, *compiled(x.copy(), P.copy(), *args))
         return x, P

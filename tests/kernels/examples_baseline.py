@@ -3,7 +3,8 @@
 import numpy as np
 
 FRAMES = np.arange(60.0).reshape(3, 4, 5) % 7
-FREE = {("matched_filter", "frames"), ("brightest", "frames"), ("masked_rmse", "error")}
+FREE = {("grid_filter", "log_ratios"), ("recursive_maximum", "log_ratios")}
+FREE |= {("matched_filter", "frames"), ("brightest", "frames"), ("masked_rmse", "error")}
 
 
 def hits():
@@ -13,6 +14,13 @@ def hits():
 EXAMPLES = {
     "matched_filter": lambda: {"frames": FRAMES.copy(), "blur": np.array([0.5, 1.0])},
     "brightest": lambda: {"frames": FRAMES.copy()},
+    "grid_filter": lambda: {
+        "log_ratios": FRAMES / 4 - 1,
+        "walk": np.array([[0.25, 0.5, 0.25]]),
+        "stay": 0.75,
+        "birth": 0.125,
+    },
+    "recursive_maximum": lambda: {"log_ratios": FRAMES / 4 - 1, "walk": 1, "memory": 0.75},
     "m_of_n": lambda: {"hits": hits(), "m": 2, "n": 3},
     "m_of_n_probability": lambda: {"p": np.array([0.0, 0.25, 1.0]), "m": 2, "n": 3},
     "delay": lambda: {"hits": hits(), "start": 1},
