@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import tbdcore
+from tbdcore.recording import misfit
 
 page = tbdcore.page("ljipda_ai")
 F, Q = page.motion.cv(2.0), page.motion.step_acceleration(2.0, 0.05)
@@ -184,7 +185,7 @@ def test_columns_in_another_order_are_named():
     for order in ([2, 0, 1], [1, 0, 2]):
         odd = [scan[:, order] for scan in SCANS for _ in range(3)]
         words = r"^scans: no plot of 17 scans lies in a gate"
-        with pytest.warns(tbdcore.misfit.Misfit, match=words):
+        with pytest.warns(misfit.Misfit, match=words):
             page.run(odd, replace(SETUP, tau=0.0), method="LM-AI")
 
 

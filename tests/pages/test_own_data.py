@@ -61,12 +61,6 @@ def example(request, folder, monkeypatch):
     names["plt"].close("all")
 
 
-def test_the_length_of_the_cases():
-    assert all(len(CODE[name].splitlines()) <= 25 for name in (*CASES, "inject"))
-    assert len(CODE["recorded"].splitlines()) <= 10
-    assert max(len(line) for block in BLOCKS for line in block.splitlines()) <= 100
-
-
 @pytest.mark.parametrize("name", [*CASES, "inject"])
 def test_each_case_has_estimate_control_truth_and_labels(name):
     words = {
