@@ -61,6 +61,10 @@ def example(request, folder, monkeypatch):
     names["plt"].close("all")
 
 
+def test_the_code_of_the_guide_fits_the_page():
+    assert max(len(line) for block in BLOCKS for line in block.splitlines()) <= 100
+
+
 @pytest.mark.parametrize("name", [*CASES, "inject"])
 def test_each_case_has_estimate_control_truth_and_labels(name):
     words = {
