@@ -73,5 +73,6 @@ def rows():
     operation = best(sums, 0.5, 1_000_000) / 2_000_000
     for name, (arguments, operations) in STEPS.items():
         per_call = best(globals()[f"many_{name}"], *fresh(arguments)) / CALLS
-        spec = best(getattr(kalman, f"{name}_spec"), *arguments)
+        module = kalman if name == "two_point" else track_cfar
+        spec = best(getattr(module, f"{name}_spec"), *arguments)
         yield Row(f"kalman.{name}", "one track", per_call, spec, operations * operation)

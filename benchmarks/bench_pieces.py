@@ -9,8 +9,8 @@ for each particle.
 import numpy as np
 
 from benchmarks.timing import Row, best
-from tbdcore import detection, kalman, motion
-from tbdcore.kernels import ljipda_ai, mda_tbd
+from tbdcore import motion
+from tbdcore.kernels import ljipda_ai, mda_tbd, track_cfar
 
 
 def rows():
@@ -35,15 +35,15 @@ def rows():
     gate = 0.01, (0.3, 0.8), (250010.0, -1.3), (900.0, 0.11), (150.0, 0.0349), 0.02, 0
     work = {
         "amplitude_ratio": (
-            detection,
+            ljipda_ai,
             "3 tracks, 20 plots",
             (rng.standard_exponential(20), np.full(3, 10.0)),
         ),
-        "false_plot": (detection, "gate of 104 cells", gate),
-        "predict_tracks": (kalman, "3 tracks", (x, P, F, Q)),
-        "gate_tracks": (kalman, "3 tracks", (x, P, 400.0, 1e-7)),
+        "false_plot": (track_cfar, "gate of 104 cells", gate),
+        "predict_tracks": (ljipda_ai, "3 tracks", (x, P, F, Q)),
+        "gate_tracks": (ljipda_ai, "3 tracks", (x, P, 400.0, 1e-7)),
         "update_mixture": (
-            kalman,
+            ljipda_ai,
             "3 tracks, 5 plots",
             (x, P, D, x[:1, ::2] + 50.0 * rng.normal(size=(5, 2)), weights),
         ),
@@ -51,7 +51,7 @@ def rows():
     }
     for name, (module, about, arguments) in work.items():
         kernel, spec = getattr(module, name), getattr(module, f"{name}_spec")
-        where = module.__name__.removeprefix("tbdcore.")
+        where = module.__name__.removeprefix("tbdcore.").removeprefix("kernels.")
         yield Row(
             f"{where}.{name}", about, best(kernel, *arguments), best(spec, *arguments, repeat=2)
         )
