@@ -15,7 +15,7 @@ import numpy as np
 
 import tbdcore
 from benchmarks.timing import Row, best
-from tbdcore import motion, particles
+from tbdcore import particles
 from tbdcore.kernels import mm_pf_tbd
 
 N, PI = 4000, np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
@@ -76,9 +76,14 @@ NUMPY = {
     "systematic": particles.systematic_spec,
     "copy_particles": mm_pf_tbd.copy_particles_spec,
 }
-OF_MOTION = {name: function for name, function in NUMPY.items() if hasattr(motion, name)}
+BY_NAME = {"blob_log_ratio"}  # the page imports it by name
+OF_MODULE = {
+    name: function
+    for name, function in NUMPY.items()
+    if hasattr(mm_pf_tbd, name) and name not in BY_NAME
+}
 OF_PARTICLES = {name: function for name, function in NUMPY.items() if hasattr(particles, name)}
-OF_PAGE = {name: NUMPY[name] for name in NUMPY.keys() - OF_MOTION.keys() - OF_PARTICLES.keys()}
+OF_PAGE = {name: NUMPY[name] for name in NUMPY.keys() - OF_MODULE.keys() - OF_PARTICLES.keys()}
 
 
 def cloud():
@@ -135,7 +140,7 @@ def rows():
             peer,
         )
     for name, page, run, p, z, asked in trials():
-        of_core = patch.multiple(motion, **OF_MOTION), patch.multiple(particles, **OF_PARTICLES)
+        of_core = patch.multiple(mm_pf_tbd, **OF_MODULE), patch.multiple(particles, **OF_PARTICLES)
         with patch.multiple(page, **OF_PAGE), of_core[0], of_core[1]:
             peer = best(run, z, p, np.random.default_rng(3))
         seconds = best(run, z, p, np.random.default_rng(3), repeat=20)
