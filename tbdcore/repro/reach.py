@@ -119,7 +119,8 @@ def _read(module):
     if module.startswith(PAGE):
         from tbdcore.repro import pages
 
-        return "\n\n\n".join(pages.cells(module.removeprefix(PAGE), "algorithm"))
+        paper = module.removeprefix(PAGE)  # nothing is below a page
+        return "\n\n\n".join(pages.cells(paper, "algorithm")) if paper.isidentifier() else None
     top, *names = module.split(".")
     folder = paths.PACKAGE.joinpath(*names)
     for file in (folder.with_suffix(".py"), folder / "__init__.py") if top == PACKAGE else ():

@@ -186,6 +186,14 @@ def test_the_sources_of_a_pickled_trial(package, old, new, counts):
     assert (reach.at_worker(*asked) != before) == counts
 
 
+def test_nothing_is_below_a_page(monkeypatch):
+    """A pickle's words may join a page's module with a name in it."""
+    monkeypatch.setattr(reach, "_first", reach._read)
+    assert set(reach.at_worker("", [f"{reach.PAGE}track_cfar", "no_such_name"])) >= {
+        f"{reach.PAGE}track_cfar"
+    }
+
+
 SAME = {
     "a comment": ("x = 1", "x = 1  # one"),
     "a docstring": (
