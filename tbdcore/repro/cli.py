@@ -49,6 +49,7 @@ RUNNING = "--out -p --quick --workers --scheduler --resume --json"
 COMMANDS = {  # what it does, its options; of a|b at most one
     "run": ("execute notebooks; all if none is named", f"papers {RUNNING} --in-place"),
     "sweep": ("execute one notebook for each value of a parameter", f"paper values {RUNNING}"),
+    "stamp": ("renew the digests of products that a run makes again as they are", "papers"),
     "score": ("write the scorecard of all papers", "--figures --check"),
     "cite": ("caption, files and BibTeX of a product; without an id all ids", CITING),
     "which": ("what a file is, what made it, what has changed since", "file --figures"),
@@ -60,6 +61,7 @@ COMMANDS = {  # what it does, its options; of a|b at most one
 EXAMPLES = {
     "run": ["", "track_cfar 01", "mda_tbd -p n_trials=20 -p seed=3", "--quick --resume"],
     "sweep": ["track_cfar seed=1,2,3 --resume", "dp_tbd 'snr_db=[3,4];[5,6]' --quick"],
+    "stamp": ["", "track_cfar 01"],
     "score": ["", "--check", "--figures build/run"],
     "cite": ["", "track_cfar", "track_cfar/fig05 --latex", "dp_tbd --bibtex"],
     "which": ["report/picture.pdf", "figures/track_cfar/fig05.csv"],

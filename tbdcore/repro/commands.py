@@ -34,6 +34,22 @@ def run_command(arguments):
     return status
 
 
+def stamp_command(arguments):
+    """Renew the stamps of some pages; one that does not come out again does not stop the others."""
+    from tbdcore.repro import stamps
+
+    papers, status = arguments.papers or pages.notebooks(), GOOD
+    for paper in map(pages.paper_of, papers):
+        try:
+            how = {"debug": arguments.debug}
+            renewed = stamps.renew(paper, how) if stamps.stale(paper) else []
+            stamps.fly_again(paper)
+            print(f"{paper}: {len(renewed)} stamps renewed" if renewed else f"{paper}: as they are")
+        except CheckFailed as error:
+            status = report(error, FAILED)
+    return status
+
+
 def sweep_command(arguments):
     """Execute one notebook for each value of a parameter, and put the verdicts into tables."""
     paper, runs = pages.paper_of(arguments.paper, pages.papers()), {}

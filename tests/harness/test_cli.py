@@ -228,7 +228,7 @@ def test_a_missing_package_is_the_environments_fault(repository, capsys, monkeyp
 
 
 @pytest.mark.parametrize(
-    "command", ["run", "sweep", "score", "cite", "show", "which", "list", "doctor"]
+    "command", ["run", "sweep", "stamp", "score", "cite", "show", "which", "list", "doctor"]
 )
 def test_help_has_examples_that_are_understood(capsys, command):
     with pytest.raises(SystemExit) as caught:
