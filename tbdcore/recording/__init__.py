@@ -18,6 +18,8 @@ of mean 0 and variance 1, or power of mean 1.
 ``laws``        any law of the noise
 ``thresholds``  blocks without a target, and the threshold that they give
 ``detections``  plots from cells, plots of one ship made one, start states
+``tables``      scans of plots from the rows of a table
+``tracks``      tracks that start and end
 ``targets``     blur, and a target in one's own frames
 ``misfit``      whether frames agree with what a filter is told
 """
@@ -25,9 +27,11 @@ of mean 0 and variance 1, or power of mean 1.
 from tbdcore.recording.detections import merge_plots, plots, starts
 from tbdcore.recording.laws import TailedLaw, empirical_law, log_ratio, normal_scores
 from tbdcore.recording.levels import Level, background, bin_cells, clipped, normalise
+from tbdcore.recording.tables import cartesian, scans
 from tbdcore.recording.targets import Blur, blur_of, inject
 from tbdcore.recording.thresholds import Threshold, blocks, threshold
+from tbdcore.recording.tracks import Tracks, follow
 
-__all__ = ["Blur", "Level", "TailedLaw", "Threshold", "background", "bin_cells", "blocks"]
-__all__ += ["blur_of", "clipped", "empirical_law", "inject", "log_ratio", "merge_plots"]
-__all__ += ["normal_scores", "normalise", "plots", "starts", "threshold"]
+__all__ = ["Blur", "Level", "TailedLaw", "Threshold", "Tracks", "background", "bin_cells", "blocks"]
+__all__ += ["blur_of", "cartesian", "clipped", "empirical_law", "follow", "inject", "log_ratio"]
+__all__ += ["merge_plots", "normal_scores", "normalise", "plots", "scans", "starts", "threshold"]

@@ -78,7 +78,7 @@ def merge_plots(
     """
     from scipy.sparse.csgraph import connected_components
 
-    place = _places("recording.merge_plots: scan", scan)
+    place = places("recording.merge_plots: scan", scan)
     weights = np.ones(len(scan)) if weights is None else weights
     w = numbers("recording.merge_plots: weights", weights, len(scan), low=1e-300)
     n, group = connected_components(abs(place[:, None] - place) <= distance, directed=False)
@@ -86,7 +86,7 @@ def merge_plots(
     return member @ scan / member.sum(axis=1, keepdims=True)
 
 
-def _places(name, scan):
+def places(name, scan):
     """Places (n,) of the plots of a scan as x + iy."""
     scan = numbers(name, scan, "n", "d")
     if scan.shape[1] < 2:
@@ -112,8 +112,8 @@ def starts(
     if len(scans) != 3 or min(before, after) <= 0:
         raise ValueError(f"recording.starts: {len(scans)} scans; give three, and t that rises")
     scans = [np.empty((0, 2)) if scan is None else scan for scan in scans]
-    places = [_places(f"recording.starts: scans[{k}]", scan) for k, scan in enumerate(scans)]
-    (first, middle, last), rate = places, 1 / (before + after)
+    first, middle, last = (places(f"recording.starts: scans[{k}]", scans[k]) for k in range(3))
+    rate = 1 / (before + after)
     limit = 3 * sigma * math.hypot(1 / before, 1 / after, 1 / before + 1 / after)
     bend = [(last - m) / after - ((m - first) / before)[:, None] for m in middle]
     straight = (abs(np.reshape(bend, (middle.size, first.size, last.size))) <= limit).any(axis=0)

@@ -1,5 +1,7 @@
 """A valid call of each public function of ``recording``, for the contract of arguments."""
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy import stats
 
@@ -17,7 +19,34 @@ def frames(*shape):
     return np.random.default_rng(1).standard_normal(shape or (12, 6, 7)) + 3.0
 
 
+class State(NamedTuple):
+    """Of a tracker that only predicts."""
+
+    x: np.ndarray
+    P: np.ndarray
+    existence: np.ndarray
+
+
+def started(x, P):
+    return State(x, P, np.full(len(x), 0.5))
+
+
+def predicted(state, scan, T):
+    weights = np.zeros((len(state.x), 1 + (0 if scan is None else len(scan))))
+    return state._replace(x=state.x + T * np.roll(state.x * [0, 1, 0, 1], -1, axis=1)), weights
+
+
 EXAMPLES = {
+    "cartesian": lambda: {"scan": np.array([[1000.0, 0.5, 12], [2000, -3.0, 9]])},
+    "follow": lambda: {
+        "scans": [np.array([[3.0 * k, 100.0], [500.0, -40 * k]]) for k in range(5)],
+        "t": np.arange(5.0),
+        "fastest": 4.0,
+        "sigma": 0.5,
+        "start": started,
+        "step": predicted,
+        "low_scans": 3,
+    },
     "background": lambda: {"frames": frames()},
     "clipped": lambda: {"frames": frames(), "law": "gaussian", "size": 5},
     "normalise": lambda: {"frames": frames(), "at": Level(3.0, 1.0)},

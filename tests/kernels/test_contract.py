@@ -33,7 +33,12 @@ CHECKED = {  # module: the files that have examples of its functions
     "recording.misfit": ["misfit"],
     "score": ["score"],
 }
-UNCHECKED = {"look", "contradiction", "noise_level"}  # they look at what a chapter has checked
+TEXT = {"scans"}  # takes text and dates: tests/recording/test_scans.py
+UNCHECKED = TEXT | {
+    "look",
+    "contradiction",
+    "noise_level",
+}  # they look at what a chapter has checked
 
 
 def public_functions():
