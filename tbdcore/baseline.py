@@ -9,12 +9,11 @@ import math
 from typing import Annotated
 
 import numpy as np
-from scipy.special import betainc
 
 from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, Rule, array, checked
 from tbdcore.noise import Frames, Law
 
-__all__ = ["brightest", "delay", "grid_filter", "kept_share", "m_of_n", "m_of_n_probability"]
+__all__ = ["brightest", "delay", "grid_filter", "kept_share"]
 __all__ += ["masked_rmse", "matched_filter", "mean_se", "recursive_maximum"]
 
 
@@ -33,7 +32,6 @@ class FlagsRule(Rule):
 
 Flags = Annotated[ArrayLike, FlagsRule()]
 Blur = Annotated[ArrayLike, Numbers(..., low=1e-3, high=100.0)]
-Count = Annotated[int, Integer(1, 2**31)]
 Start = Annotated[int, Integer(0)]
 Probability = Annotated[float, Number(0.0, 1.0)]
 MOST_RATIO = 700.0  # log-ratios are cut at +-700: their exponentials are finite
@@ -142,37 +140,11 @@ def recursive_maximum(
 
 
 @checked
-def m_of_n(hits: Flags, m: Count, n: Count) -> Array:
-    """Declared (..., K) where at least m of the last n frames are hits (..., K)."""
-    _possible(m, n)
-    count = np.cumsum(hits, axis=-1)
-    count[..., n:] = count[..., n:] - count[..., :-n]
-    return count >= m
-
-
-@checked
-def m_of_n_probability(
-    p: Annotated[ArrayLike, Numbers(..., low=0.0, high=1.0)], m: Count, n: Count
-) -> Array:
-    """Probability of at least m hits in n independent frames, each a hit with probability p.
-
-    The binomial sum as an incomplete beta function (Abramowitz and Stegun, 26.5.24).
-    """
-    _possible(m, n)
-    return betainc(m, n - m + 1, p)
-
-
-def _possible(m, n):
-    if m > n:
-        raise ValueError(f"m: {m} hits in n = {n} frames are not possible; give m <= n")
-
-
-@checked
 def delay(hits: Flags, start: Start = 0) -> Array:
     """Frames from frame ``start`` to the first hit (...), K - start where there is none."""
     hits = hits[..., start:]
     if not hits.shape[-1]:
-        raise ValueError(f"start: {start} is behind the last frame; frames count from 0")
+        raise ValueError(f"baseline: start: {start} is behind the last frame; frames count from 0")
     return np.where(hits.any(axis=-1), hits.argmax(axis=-1), hits.shape[-1])
 
 
@@ -190,7 +162,7 @@ def kept_share(hits: Flags, start: Start = 0) -> Array:
 def mean_se(x: Annotated[ArrayLike, Numbers(...)]) -> tuple[Array, Array]:
     """Mean over the first axis, the trials, and its standard error; at least two trials."""
     if x.ndim == 0 or len(x) < 2:
-        raise ValueError(f"x: shape {x.shape}; give at least two trials along the first axis")
+        raise ValueError(f"baseline.mean_se: x: shape {x.shape}; give two trials or more on axis 0")
     return x.mean(axis=0), x.std(axis=0, ddof=1) / math.sqrt(len(x))
 
 
@@ -204,9 +176,10 @@ def masked_rmse(
     differences.  An error may be NaN where the mask is False; the result is NaN for an empty mask.
     """
     if error.shape != mask.shape:
-        raise ValueError(f"mask: shape {mask.shape}, but error has {error.shape}; give one shape")
+        shapes = f"shape {mask.shape}, but error has {error.shape}"
+        raise ValueError(f"baseline.masked_rmse: mask: {shapes}; give one shape")
     if np.isnan(error[mask]).any():
-        raise ValueError("error: NaN where mask is True; leave it out of the mask")
+        raise ValueError("baseline.masked_rmse: error: NaN where mask is True; leave it out")
     axes = tuple(range(1, mask.ndim))
     square = np.where(mask, error, 0.0) ** 2
     total, count = square.sum(axis=axes), mask.sum(axis=axes)

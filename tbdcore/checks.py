@@ -10,15 +10,17 @@ A public function has the rule of each argument in its annotation, and ``checked
     def log_ratio(z: Frame, S: States, noise: Annotated[float, Number(0.0, 1e9)]) -> Array: ...
 
 Rules for arrays take what NumPy makes an array of: lists, DataFrames, any memory order and real
-type.  A word in a shape is any size, the same for all arguments of a call; "N+1" is one more, and a
-leading ``...`` stands for any axes.  Text, complex numbers, masks that hide cells and, unless a
-rule says otherwise, NaN and infinity are refused.  The function gets arrays in C order that it may
-write to, floats and ints.  ``number``, ``numbers``, ``integer`` and ``integers`` apply one rule to
-one value.
+type.  A word in a shape is any size, the same for all arguments of a call; "N+1" is one more.  A
+leading ``...`` is any stack, which all arguments of a call share as NumPy broadcasts: n states
+take one covariance or n.  Text, True and False, complex numbers, masks that hide cells and, unless
+a rule says otherwise, NaN and infinity are refused.  The function gets arrays in C order that it
+may write to, floats and ints.  ``number``, ``numbers``, ``integer`` and ``integers`` apply one rule
+to one value.
 """
 
 import functools
 import inspect
+import math
 import operator
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
@@ -33,10 +35,13 @@ if TYPE_CHECKING:  # of an array by its rule, in the body of the function
 else:
     from numpy.typing import ArrayLike
 
-__all__ = ["Array", "ArrayLike", "Flag", "Integer", "Integers", "Number", "Numbers", "Random"]
-__all__ += ["Rule", "array", "checked", "integer", "integers", "number", "numbers"]
+__all__ = ["Array", "ArrayLike", "Covariance", "Flag", "Integer", "Integers", "LARGEST", "Number"]
+__all__ += ["Numbers", "Random", "Rule", "Sizes", "array", "checked", "fits_memory", "integer"]
+__all__ += ["integers", "number", "numbers"]
 
 MOST = float(np.finfo(float).max)
+TINY, ROUNDING = float(np.finfo(float).tiny), 1e-9
+LARGEST = 2**30  # numbers in one array, 8 GB
 _DOUBLE, _SINGLE, _INT = np.dtype(float), np.dtype(np.float32), np.dtype(np.int64)
 Array = np.ndarray
 Function = TypeVar("Function", bound=Callable)
@@ -58,36 +63,22 @@ def checked(function=None, *, inside=None):
     compiled = compiled if hasattr(compiled, "py_func") else None  # nor is it without Numba
     signature = inspect.signature(plain)
     where = f"{plain.__module__}.{plain.__name__}".removeprefix("tbdcore.")
-    found = [p.replace(annotation=_rule_of(p.annotation)) for p in signature.parameters.values()]
-    rules = [(p.annotation, f"{where}: {p.name}") for p in found]
-    defaults = [p.default for p in found if p.default is not p.empty]
-    known: dict = {}  # by the types and shapes of calls that fit: what their values still need
+    parameters = [
+        p.replace(annotation=_rule_of(p.annotation)) for p in signature.parameters.values()
+    ]
+    rules = [(p.annotation, f"{where}: {p.name}") for p in parameters]
+    defaults = [p.default for p in parameters if p.default is not p.empty]
 
     @functools.wraps(plain)
     def call(*args, **named):
         if named or len(args) != len(rules):
             args = _completed(signature, defaults, args, named)
-        kinds = tuple(
-            [(a.dtype, a.shape) if type(a) is Array and a.flags.carray else type(a) for a in args]
+        sizes = {}
+        return function(
+            *[rule(name, a, sizes) for (rule, name), a in zip(rules, args, strict=True)]
         )
-        needs = known.get(kinds)
-        if needs is None:
-            args, needed = _fitted(rules, args, kinds)
-            if len(known) > 1000:
-                known.clear()
-            if needed:
-                known[kinds] = needed
-            return function(*args)
-        scalars, limits = needs
-        if scalars:
-            args = list(args)
-            for n, rule, name in scalars:
-                args[n] = rule(name, args[n], {})
-        for n, limit, name in limits:
-            limit(name, args[n])
-        return function(*args)
 
-    call.__signature__ = signature.replace(parameters=found)  # help shows the rules
+    call.__signature__ = signature.replace(parameters=parameters)  # help shows the rules
     if compiled:
         call.stats, call._numba_type_ = compiled.stats, typeof(compiled)
     if function is not plain:
@@ -105,31 +96,10 @@ def _completed(signature, defaults, args, named):
     return bound.args
 
 
-def _fitted(rules, args, kinds):
-    """The arguments after all rules, and what a later call of these kinds needs.
-
-    That is (scalars, limits): numbers of another type, whose rules convert them, and the limits of
-    the arguments that fit as they are.  None where an array had to be converted.
-    """
-    sizes: dict = {}
-    fitting = [rule(name, a, sizes) for (rule, name), a in zip(rules, args, strict=True)]
-    scalars, limits = [], []
-    for n, (rule, name) in enumerate(rules):
-        if fitting[n] is not args[n]:
-            scalars.append((n, rule, name))
-        elif rule.limited:
-            limits.append((n, rule.limit, name))
-    if Array in kinds or not all(
-        isinstance(args[n], int | float | np.generic) for n, *_ in scalars
-    ):
-        return fitting, None
-    return fitting, (scalars, limits)
-
-
 class Rule:
     """What an argument must be, which this one leaves to the function; applied by a call."""
 
-    limited, about = False, ""
+    about = ""
 
     def __call__(self, name, value, sizes=None):
         return value
@@ -166,7 +136,7 @@ class Numbers(Rule):
         self.words = ", ".join(sizes) + "," * (len(shape) == 1)
         self.about = ", ".join(sizes + _limits_of(low, high))
         self.low, self.high, self.nan = None if low is None else float(low), float(high), nan
-        self.single, self.in_place, self.limited = single, in_place, low is not None
+        self.single, self.in_place = single, in_place
 
     def __call__(self, name, values, sizes):
         a = values
@@ -176,17 +146,31 @@ class Numbers(Rule):
             a = self._converted(name, values)
         if not a.flags.carray:
             a = self._in_order(name, a)
-        found = a.shape[len(a.shape) - len(self.shape) :] if self.any_axes else a.shape
-        if len(found) != len(self.shape) or not self._fits(found, sizes):
-            known = ", ".join(f"{k} = {v}" for k, v in sizes.items() if k in self.words)
-            known = f" with {known}" if known else ""
+        stack = max(a.ndim - len(self.shape), 0) if self.any_axes else 0
+        if a.ndim != stack + len(self.shape) or not self._fits(a.shape[stack:], sizes):
+            so_far = ", ".join(
+                f"{k} = {v}" for k, v in sizes.items() if k in self.words and k != "..."
+            )
+            so_far = f" with {so_far}" if so_far else ""
             raise ValueError(
-                f"{name}: shape {a.shape} is not ({self.words}){known}; "
+                f"{name}: shape {a.shape} is not ({self.words}){so_far}; "
                 "reshape or transpose the array"
             )
-        if self.limited:
+        if stack:
+            sizes["..."] = self._stacked(name, a.shape[:stack], sizes.get("...", ()))
+        if self.low is not None:
             self.limit(name, a)
         return a
+
+    def _stacked(self, name, stack, others):
+        """Leading axes of the stacks of a call, this one and those of the arguments before it."""
+        if stack == others:
+            return stack
+        try:
+            return np.broadcast_shapes(stack, others)
+        except ValueError:
+            words = f"a stack of {stack}, but of {others} before it; give one, or as many"
+            raise ValueError(f"{name}: {words}") from None
 
     def limit(self, name, a):
         """ValueError unless all elements are in [low, high]."""
@@ -215,8 +199,8 @@ class Numbers(Rule):
             raise ValueError(f"{name}: changed in place, but read-only; give a copy")
         return a
 
-    def _fits(self, found, sizes):
-        for size, (word, more) in zip(found, self.shape, strict=True):
+    def _fits(self, shape, sizes):
+        for size, (word, more) in zip(shape, self.shape, strict=True):
             if size != (sizes.setdefault(word, size - more) + more if word else more):
                 return False
         return True
@@ -227,6 +211,24 @@ class Numbers(Rule):
         at = np.argwhere(~inside)[0].tolist()
         limits = "finite" if self.high == -self.low == MOST else f"in [{self.low:g}, {self.high:g}]"
         raise ValueError(f"{name}{at or ''}: {a[tuple(at)]:g} is not {limits}")
+
+
+class Covariance(Numbers):
+    """Rule: covariance matrices on the last two axes, symmetric, no variance negative.
+
+    Of the matrix of correlations, entries may differ from those across the diagonal by 1e-9, and an
+    eigenvalue may be as low as -1e-9: rounding.
+    """
+
+    def limit(self, name, a):
+        super().limit(name, a)
+        if not (a.diagonal(0, -2, -1) >= 0).all():
+            raise ValueError(f"{name}: a variance is negative; correct it")
+        stack = a.reshape(-1, *a.shape[-2:])
+        if a.size and not _symmetric(stack):
+            raise ValueError(f"{name}: a matrix is not symmetric; give covariances")
+        if a.size and not _semidefinite(stack):
+            raise ValueError(f"{name}: a matrix has a negative eigenvalue; give covariances")
 
 
 class Integers(Numbers):
@@ -249,8 +251,6 @@ def _size(size):
 class Number(Rule):
     """Rule: a real number in [low, high]; a float."""
 
-    limited = True
-
     def __init__(self, low=-MOST, high=MOST):
         self.low, self.high = low, high
         self.about = ", ".join(_limits_of(low, high))
@@ -259,7 +259,8 @@ class Number(Rule):
         x = value
         if type(x) is not float and isinstance(x, np.generic) or type(x) is Array and not x.ndim:
             x = x.item()  # float32 has other limits
-        if isinstance(x, (float, np.floating)) or isinstance(x, int) and abs(x) <= MOST:
+        whole = isinstance(x, int) and not isinstance(x, bool) and abs(x) <= MOST
+        if whole or isinstance(x, (float, np.floating)):
             self.limit(name, x)
             return x if type(x) is float else float(x)
         raise self._error(name, value)
@@ -288,12 +289,25 @@ class Integer(Number):
             n = operator.index(value)
         except TypeError:
             raise self._error(name, value) from None
+        if isinstance(value, bool):
+            raise self._error(name, value)
         self.limit(name, n)
         return n
 
     def _wanted(self):
         most = "" if self.high == 2**63 - 1 else f" and at most {self.high}"
         return f"integer of at least {self.low}{most}"
+
+
+class Sizes(Integers):
+    """Rule: the sizes of an array, which memory can hold: at most :data:`LARGEST` numbers."""
+
+    def __init__(self, *shape, low=0):
+        super().__init__(*shape, low=low)
+
+    def limit(self, name, a):
+        super().limit(name, a)
+        fits_memory(name, *a.tolist())
 
 
 class Flag(Rule):
@@ -320,6 +334,13 @@ class Random(Rule):
 def _short(value):
     """What a value looks like, in one line."""
     return " ".join(repr(value).split())[:60]
+
+
+def fits_memory(name: str, *shape: int) -> None:
+    """ValueError if an array of this shape has more numbers than :data:`LARGEST`."""
+    if math.prod(shape) > LARGEST:
+        many = " x ".join(map(str, shape))
+        raise ValueError(f"{name}: {many} numbers are more than memory holds; give fewer")
 
 
 def array(name: str, values: Any) -> Array:
@@ -376,3 +397,39 @@ def _outside(flat, low, high, nan):
         v = flat[n]
         inside += ((v >= low) & (v <= high)) | (nan & (v != v))
     return flat.size - inside
+
+
+@kernel
+def _deviations(P):
+    """Standard deviations (d,); a variance below 1e-15 of the largest counts as that: rounding."""
+    variances = np.diag(P)
+    return np.sqrt(np.maximum(variances, max(1e-15 * variances.max(), TINY)))
+
+
+@kernel
+def _symmetric(stack):
+    """Whether matrices (n, d, d) are symmetric, up to 1e-9 of the two standard deviations."""
+    for P in stack:
+        sd = _deviations(P)
+        for i in range(sd.size):
+            for j in range(i):
+                if abs(P[i, j] - P[j, i]) > ROUNDING * sd[i] * sd[j]:
+                    return False
+    return True
+
+
+@kernel
+def _semidefinite(stack):
+    """Whether no matrix of correlations (n, d, d) has an eigenvalue below -1e-9, by Cholesky."""
+    L = np.empty(stack.shape[1:])
+    for P in stack:
+        sd = _deviations(P)
+        for i in range(sd.size):
+            for j in range(i + 1):
+                rest = P[i, j] / sd[i] / sd[j] + (ROUNDING if i == j else 0.0)
+                for l in range(j):
+                    rest -= L[i, l] * L[j, l]
+                if i == j and not rest > 0.0:
+                    return False
+                L[i, j] = math.sqrt(rest) if i == j else rest / L[j, j]
+    return True

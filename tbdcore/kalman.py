@@ -10,13 +10,15 @@ origin.  One scan is
     x, P = update(x, P, z - zhat, H, R)               after ``residual`` has wrapped the azimuth
 
 and these five functions take one track or any stack of tracks on leading axes, as do the gates:
-``gate_half_widths`` and ``gate_volume`` of a rectangle, ``mahalanobis`` of an ellipse.
+``gate_half_widths`` and ``gate_volume`` of a rectangle, ``mahalanobis`` of an ellipse.  A stack of
+n states takes one matrix of each kind, or n.
 
 ``two_point`` starts a track from two plots.
 
 All functions raise ValueError for NaN and infinity, in arguments and results, for a negative
-variance, for an innovation covariance that is not positive definite, and for a target at the radar,
-where azimuth has no meaning.
+variance, for a covariance that is not symmetric or has a negative eigenvalue, for an innovation
+covariance that is not positive definite, and for a target at the radar, where azimuth has no
+meaning.
 
 The covariance mixes metres, metres per second and ellipses a thousand times longer than wide:
 ``update`` uses Joseph's form.  Start a track from two
@@ -29,7 +31,7 @@ from typing import Annotated
 
 import numpy as np
 
-from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Covariance, Number, Numbers, checked
 from tbdcore.jit import kernel
 
 __all__ = [
@@ -46,15 +48,6 @@ __all__ = [
     "two_point",
     "update",
 ]
-
-
-class Covariance(Numbers):
-    """Rule: covariance matrices on the last two axes, no variance negative."""
-
-    def limit(self, name, a):
-        super().limit(name, a)
-        if not (a.diagonal(0, -2, -1) >= 0).all():
-            raise ValueError(f"{name}: a variance is negative; correct it")
 
 
 States = Annotated[ArrayLike, Numbers(..., 4)]

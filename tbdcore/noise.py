@@ -10,7 +10,17 @@ from typing import Annotated, Any
 import numpy as np
 from scipy.special import gammaincinv, gammaln, kve, log_ndtr, ndtr, xlogy
 
-from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, Random, Rule, checked
+from tbdcore.checks import (
+    Array,
+    ArrayLike,
+    Integer,
+    Number,
+    Numbers,
+    Random,
+    Rule,
+    checked,
+    fits_memory,
+)
 from tbdcore.jit import kernel
 
 __all__ = ["as_power", "correlated", "exponential", "gaussian", "k_power", "k_survival"]
@@ -42,23 +52,20 @@ class FramesRule(Numbers):
 class LawRule(Rule):
     """Rule: the name of a law of noise."""
 
-    limited = True
-
     def __call__(self, name, value, sizes):
-        self.limit(name, value)
-        return value
-
-    def limit(self, name, value):
         if not isinstance(value, str) or value not in LAWS:
             raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(LAWS)}")
+        return value
 
 
 class ShapeRule(Rule):
-    """Rule: a positive integer, or some of them."""
+    """Rule: a positive integer, or some of them, the sizes of an array that memory can hold."""
 
     def __call__(self, name, value, sizes):
         value = value if isinstance(value, (tuple, list)) else (value,)
-        return tuple(Integer(1, 2**40)(name, n) for n in value)
+        shape = tuple(Integer(1)(name, n) for n in value)
+        fits_memory(name, *shape)
+        return shape
 
 
 Frames = Annotated[Any, FramesRule()]

@@ -23,7 +23,7 @@ from typing import Annotated
 
 import numpy as np
 
-from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, checked
+from tbdcore.checks import LARGEST, Array, ArrayLike, Integer, Integers, Number, Numbers, checked
 from tbdcore.jit import kernel
 
 __all__ = ["existence_predict", "existence_update", "normalise", "systematic"]
@@ -83,7 +83,7 @@ def systematic_spec(W, M, u):
 @kernel
 def systematic(
     W: Annotated[ArrayLike, Numbers("N", low=None)],
-    M: Annotated[int, Integer(0)],
+    M: Annotated[int, Integer(0, LARGEST)],
     u: Annotated[float, Number(0.0, 1.0 - 2.0**-53)],
 ) -> Array:
     """Systematic resampling: the ancestors (M,), ascending; u : offset in [0, 1), one draw.

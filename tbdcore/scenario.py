@@ -61,7 +61,7 @@ def given(
     the id of the claim that prints it ("open" where the paper is silent), and what it may be:
     numbers from `low` to `high`, words of `choices`.
     """
-    about = {"symbol": symbol, "unit": unit, "row": row}
+    about: dict[str, Any] = {"symbol": symbol, "unit": unit, "row": row}
     about |= {"low": low, "high": high, "choices": tuple(choices)}
     return dataclasses.field(default=default, metadata=about)
 
@@ -71,7 +71,7 @@ def check(scenario: object) -> None:
 
     A default that is outside its own limits is refused too, when the class is first used.
     """
-    kind = type(scenario)
+    kind: Any = type(scenario)
     for field in _fields(kind):
         value = getattr(scenario, field.name)
         if not _allowed(value, field):

@@ -4,7 +4,7 @@
 **Crossings.**  The abscissa at which a curve passes a level: ``crossing`` interpolates linearly
 around the *last downward* passage (a noisy curve may touch the level earlier), ``crossings`` for
 each of many curves.  **Lost tracks.**  ``loss_onsets`` says when a track was lost under a stated
-rule.  **Sets.**  ``ospa`` is the distance between two finite sets.
+rule.
 
 All raise ValueError for shapes that do not fit and for values out of range; NaN is valid only where
 it is said.
@@ -17,13 +17,12 @@ import numpy as np
 
 from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, checked
 
-__all__ = ["Z99", "crossing", "crossings", "loss_onsets", "ospa", "proportion"]
+__all__ = ["Z99", "crossing", "crossings", "loss_onsets", "proportion"]
 
 
 Count = Annotated[ArrayLike, Numbers(..., low=0.0)]
 Abscissas = Annotated[ArrayLike, Numbers("m", low=-1e300, high=1e300)]
 Level = Annotated[float, Number(-1e300, 1e300)]
-Points = Annotated[ArrayLike, Numbers(...)]
 Positive = Annotated[float, Number(np.finfo(float).tiny)]
 Z99 = 2.5758293035489004  # half width of a 99 % normal interval
 
@@ -76,30 +75,6 @@ def _last_passage(x, y, level):
     i = int(down[-1])
     w = (y[i] - level) / (y[i] - y[i + 1])
     return x[i] + w * (x[i + 1] - x[i])
-
-
-@checked
-def ospa(X: Points, Y: Points, c: Positive, p: Annotated[float, Number(1.0)]) -> float:
-    """Optimal subpattern assignment distance of two finite sets (Schuhmacher, Vo and Vo 2008).
-
-    X : (m, d), Y : (n, d), either may be empty; c > 0 the price of a point too many; p >= 1.
-
-        ( (min over assignments sum min(c, distance)**p + c**p |m - n|) / max(m, n) )**(1/p)
-    """
-    from scipy.optimize import linear_sum_assignment  # takes half a second, needed only here
-
-    X, Y = np.atleast_2d(X), np.atleast_2d(Y)
-    m, n = (0 if A.size == 0 else len(A) for A in (X, Y))
-    if not abs(p * math.log(c)) < 600:
-        raise ValueError(f"score.ospa: c = {c} and p = {p}; c**p must be finite and above 0")
-    if X.ndim != 2 or Y.ndim != 2 or (m and n and X.shape[1] != Y.shape[1]):
-        raise ValueError(f"score.ospa: X {X.shape} and Y {Y.shape}; give (m, d) and (n, d)")
-    if min(m, n) == 0:
-        return 0.0 if max(m, n) == 0 else float(c)
-    with np.errstate(over="ignore"):
-        cost = np.minimum(np.linalg.norm(X[:, None] - Y[None], axis=-1), c) ** p
-    total = cost[linear_sum_assignment(cost)].sum() + c**p * abs(m - n)
-    return float((total / max(m, n)) ** (1 / p))
 
 
 @checked

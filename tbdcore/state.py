@@ -24,7 +24,10 @@ BIT_GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 
 def save(file: str | os.PathLike, state: Any, rng: np.random.Generator | None = None) -> None:
     """Write a state, and the generator that goes with it, into one .npz file, all or nothing."""
-    arrays, file = [], Path(file)
+    if not isinstance(file, str | os.PathLike):
+        raise ValueError(f"state.save: file: {type(file).__name__}; give the name of a file")
+    arrays: list = []
+    file = Path(file)
     tree = _packed({"state": state, "rng": rng}, "state", arrays)
     head = np.array(json.dumps({"format": FORMAT, "tree": tree}))
     with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
@@ -43,6 +46,8 @@ def load(file: str | os.PathLike, *modules: Any) -> tuple[Any, np.random.Generat
 
     modules : where the types of the state are defined, as ``tbdcore.page("mda_tbd")``
     """
+    if not isinstance(file, str | os.PathLike):
+        raise ValueError(f"state.load: file: {type(file).__name__}; give the name of a file")
     try:
         with open(file, "rb") as opened, np.load(opened, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))

@@ -35,7 +35,16 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, checked
+from tbdcore.checks import (
+    Array,
+    ArrayLike,
+    Integer,
+    Integers,
+    Number,
+    Numbers,
+    checked,
+    fits_memory,
+)
 from tbdcore.jit import kernel
 
 __all__ = [
@@ -110,6 +119,7 @@ def margin(frames: Block, width: Width) -> Array:
     if frames.size == 0:
         raise ValueError(f"margin: frames: shape {frames.shape}; give at least one cell")
     K, Nx, Ny = frames.shape
+    fits_memory("dp_tbd.margin: width", K, Nx + 2 * width, Ny + 2 * width)
     framed = np.full((K, Nx + 2 * width, Ny + 2 * width), -np.inf, frames.dtype)
     framed[:, width : width + Nx, width : width + Ny] = frames
     return framed
@@ -321,6 +331,7 @@ def _new_maps(z, width, V, setting):
     K, X, Y = z.shape
     if K == 0 or min(X, Y) <= 2 * width:
         raise ValueError(f"forward: z: shape {z.shape} leaves no cell in a margin of {width}")
+    fits_memory("dp_tbd.forward: z, transition", K, V, V, X, Y)
     values = np.empty((K, V, V, X, Y), z.dtype)
     values[..., :width, :] = values[..., X - width :, :] = -np.inf
     return Maps(values, np.empty_like(z), setting)

@@ -47,20 +47,21 @@ gates of one scan hold, and ``contradiction`` names, in one line, what exceeds i
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from tbdcore import kalman
-from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked
+from tbdcore.checks import Array, ArrayLike, Covariance, Integers, Number, Numbers, checked
 from tbdcore.jit import kernel
 from tbdcore.kalman import (
-    Covariance,
     Positive,
     Track,
     TrackCovariances,
     Tracks,
     _finite,
+    _rotated,
     polar,
     polar_noise,
     predict,
@@ -516,13 +517,6 @@ def jipda_spec(log_ratio, existence, detect):
 
 
 @kernel
-def _rotated(u, v, n, along, across):
-    """(xx, xy, yy) of a covariance with variances along (u, v) and across it; n = u**2 + v**2."""
-    xx, yy = along * u * u + across * v * v, along * v * v + across * u * u
-    return xx / n, (along - across) * u * v / n, yy / n
-
-
-@kernel
 def _finite_tracks(mean, cov):
     """The tracks; ValueError where one has a NaN or an infinity."""
     wrong = 0
@@ -735,13 +729,24 @@ class Seen(NamedTuple):
     across: float  # and across it, each over its variance
 
 
-def look(z, gated, zhat, S, beta, expected, gamma):
+@checked
+def look(
+    z: Annotated[ArrayLike, Numbers("M", 2, low=-math.inf, high=math.inf)],
+    gated: Annotated[ArrayLike, Integers("C", low=0)],
+    zhat: Annotated[ArrayLike, Numbers("T", 2)],
+    S: Annotated[ArrayLike, Covariance("T", 2, 2)],
+    beta: Annotated[ArrayLike, Numbers("T", "C+1", low=0.0, high=1.0 + 1e-9)],
+    expected: Annotated[ArrayLike, Numbers("T", low=0.0, high=1.0 + 1e-9)],
+    gamma: Positive,
+) -> Seen:
     """What the gates of one scan hold.
 
     z : (M, 2) plots in m; gated : (C,) indices of those in gates; zhat : (T, 2) predictions;
     S : (T, 2, 2) their covariances; beta : (T, C + 1) weights, first that of no plot;
     expected : (T,) P_D P_G times the predicted existence; gamma : squared size of a gate
     """
+    if (gated >= len(z)).any() or not np.isfinite(z[gated]).all():
+        raise ValueError("ljipda_ai.look: gated: give indices of plots z that are finite")
     area = math.pi * gamma * np.sqrt(np.linalg.det(S))
     claims = beta[:, 1:]
     sums = [expected.sum(), (expected * (1 - expected)).sum(), area.sum(), area.max(initial=0.0)]
@@ -754,13 +759,32 @@ def look(z, gated, zhat, S, beta, expected, gamma):
     return Seen(z, len(gated), *map(float, sums))
 
 
-def contradiction(seen, x, P, existence, p_detect, clutter):
+class DensityRule(Number):
+    """Rule: a density of at least 0, or the word "estimate"."""
+
+    def __call__(self, name, value, sizes=None):
+        if isinstance(value, str) and value == "estimate":
+            return value
+        return super().__call__(name, value, sizes)
+
+
+@checked
+def contradiction(
+    seen: Sequence[Seen],
+    x: Annotated[ArrayLike, Numbers("K", "T", 4)],
+    P: Annotated[ArrayLike, Covariance("K", "T", 4, 4)],
+    existence: Annotated[ArrayLike, Numbers("K", "T", low=0.0, high=1.0 + 1e-9)],
+    p_detect: Annotated[ArrayLike, Numbers("T", low=0.0, high=1.0)],
+    clutter: Annotated[float | str, DensityRule(0.0)],
+) -> str | None:
     """What the plots contradict, in one line, or None.
 
     seen : a Seen of each scan that was taken; x (K, T, 4), P (K, T, 4, 4), existence (K, T) of the
     tracks; p_detect (T,); clutter in plots per m^2 and scan, or "estimate"
     """
-    if not seen or not x.shape[1]:
+    if not all(isinstance(one, Seen) for one in seen):
+        raise ValueError("ljipda_ai.contradiction: seen: give what look returned for each scan")
+    if not len(seen) or not x.size:
         return None
     total = Seen(seen[0].z, *np.sum([one[1:] for one in seen], axis=0).tolist())
     return (

@@ -22,7 +22,19 @@ import numpy as np
 from scipy.special import chdtrc, i0e, i1e
 
 from tbdcore import checks
-from tbdcore.checks import Array, ArrayLike, Integer, Integers, Number, Numbers, Random, checked
+from tbdcore.checks import (
+    LARGEST,
+    Array,
+    ArrayLike,
+    Covariance,
+    Integer,
+    Integers,
+    Number,
+    Numbers,
+    Random,
+    Sizes,
+    checked,
+)
 from tbdcore.jit import kernel
 from tbdcore.particles import Ancestors
 from tbdcore.score import Positive
@@ -47,7 +59,7 @@ __all__ = [
 
 HIGH = 1e50  # largest value in a frame, and largest intensity: products stay finite
 Real = Annotated[float, Number()]
-Shape = Annotated[ArrayLike, Integers(2, low=0)]  # (n_x, n_y), or (nr, na)
+Shape = Annotated[ArrayLike, Sizes(2)]  # (nr, na)
 Power = Annotated[ArrayLike, Numbers("nr", "na", low=0.0, high=HIGH, single=True)]
 Places = Annotated[ArrayLike, Numbers("N", low=None)]  # in cells; NaN is off the frame
 Intensities = Annotated[ArrayLike, Numbers("N", low=-HIGH, high=HIGH)]
@@ -163,7 +175,7 @@ def _exponentials(cells, rng):
 
 @checked
 def noise_power(
-    shape: Annotated[ArrayLike, Integers("axes", low=0)],
+    shape: Annotated[ArrayLike, Sizes("axes")],
     rng: Annotated[np.random.Generator, Random()],
 ) -> Array:
     """Frames of noise power in units of its mean: float32, as rng.standard_exponential draws."""
@@ -788,7 +800,7 @@ def inherit(
     H: Annotated[ArrayLike, Numbers("window", "s", "N", low=None)],
     age: Annotated[ArrayLike, Integers("N")],
     ancestors: Ancestors,
-    births: Annotated[int, Integer(0)],
+    births: Annotated[int, Integer(0, LARGEST)],
 ) -> tuple[Array, Array]:
     """History and age after resampling: those of the ancestors (M,), then those of new particles.
 
@@ -842,7 +854,7 @@ def ospa_bernoulli(
 def column_test(
     measured: Column,
     printed: Column,
-    covariance: Annotated[ArrayLike, Numbers("r", "r")],
+    covariance: Annotated[ArrayLike, Covariance("r", "r")],
     ratio: Annotated[float, Number(0.0)],
     half: Annotated[float, Number(0.0)] = 0.0,
 ) -> tuple[float, float, float, float]:

@@ -23,7 +23,17 @@ from typing import Annotated
 
 import numpy as np
 
-from tbdcore.checks import Array, ArrayLike, Flag, Integers, Number, Numbers, checked
+from tbdcore.checks import (
+    Array,
+    ArrayLike,
+    Flag,
+    Integers,
+    Number,
+    Numbers,
+    Sizes,
+    checked,
+    fits_memory,
+)
 from tbdcore.jit import kernel
 from tbdcore.motion import coordinated_turn
 from tbdcore.particles import Ancestors
@@ -41,10 +51,10 @@ __all__ = [
 HIGH = 1e50  # largest value in a frame, and largest intensity: products stay finite
 Positive = Annotated[float, Number(1e-9, 1e9)]
 Peak = Annotated[float, Number(-HIGH, HIGH)]
-Shape = Annotated[ArrayLike, Integers(2, low=0)]  # (n_x, n_y), or (nr, na)
+Shape = Annotated[ArrayLike, Sizes(2)]  # (n_x, n_y)
 Frame = Annotated[ArrayLike, Numbers("n_x", "n_y", low=-HIGH, high=HIGH, single=True)]
 States = Annotated[ArrayLike, Numbers("N", "d", low=None)]
-Regimes = Annotated[ArrayLike, Integers("N")]
+Regimes = Annotated[ArrayLike, Integers("N", low=0, high=2)]
 Deviation = Annotated[float, Number(1.0 / HIGH, HIGH)]
 Place = Annotated[ArrayLike, Numbers(..., nan=True)]
 
@@ -69,6 +79,7 @@ def blob_image(x: Place, y: Place, peak: Peak, blur: Positive, shape: Shape) -> 
     """
     if x.shape != y.shape or x.ndim > 1:
         raise ValueError(f"blob_image: y: shape {y.shape}, x {x.shape}; give two numbers or (K,)")
+    fits_memory("mm_pf_tbd.blob_image: shape", x.size, *shape.tolist())
     g = []
     for v, n in zip((x, y), shape, strict=True):
         d = np.arange(1, n + 1) - v[..., None]
@@ -177,8 +188,8 @@ def blob_log_ratio(
     """Log-likelihood ratio (N,) of the 5 x 5 patch around each particle: target against noise only.
 
     z : (n_x, n_y) frame; S : (N, d) states, x in column 0 and y in column 2, in cells
-    r : (N,) regimes, 0 absent; log-ratio 0 where absent, or no cell of the patch is in the frame.
-        NaN in the position of a particle that is present is a ValueError.
+    r : (N,) regimes 0 (absent), 1 and 2; log-ratio 0 where absent, or no cell of the patch is in
+        the frame.  NaN in the position of a particle that is present is a ValueError.
     peak, blur, noise : amplitude and standard deviation of the blob, standard deviation of z
 
     The patch misses 1e-7 of the energy at a blur of 0.6 cells, 0.2 % at one.  The sum is
@@ -190,7 +201,8 @@ def blob_log_ratio(
         raise ValueError("blob_log_ratio: S: give (N, d), x in column 0 and y in column 2")
     # exp(decay) must be finite: _five_weights has exp(-d / b**2)**2, |d| up to 0.5
     decay = min(1.0 / (blur * blur), 700.0)  # a sharper blob has 1e-38 of its peak beyond its cell
-    present, g = _blob_exponents(S, r, *z.shape, blur, decay)
+    nx, ny = z.shape
+    present, g = _blob_exponents(S, r, nx, ny, blur, decay)
     np.exp(g, out=g)  # NumPy's takes a fifth of the time of a compiled loop's
     return _blob_sums(z, S, present, g, decay, peak, noise)
 
@@ -291,7 +303,7 @@ def _move(S, n, along, aside, c, s, T, a):
 @checked
 @kernel
 def transition(
-    r: Annotated[ArrayLike, Integers("N")],
+    r: Regimes,
     S: Annotated[Array, Numbers("N", 5, low=None, in_place=True)],
     Pi: Annotated[ArrayLike, Numbers(3, 3, low=None)],
     T: Annotated[float, Number()],
@@ -347,7 +359,7 @@ def copy_particles_spec(r, S, ancestors):
 @checked
 @kernel
 def copy_particles(
-    r: Annotated[ArrayLike, Integers("N")],
+    r: Regimes,
     S: Annotated[ArrayLike, Numbers("N", "d", low=None)],
     ancestors: Ancestors,
 ) -> tuple[Array, Array, Array, Array]:

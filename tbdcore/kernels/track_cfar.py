@@ -14,11 +14,10 @@ from typing import Annotated
 import numpy as np
 
 from tbdcore import detection
-from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, checked, numbers
+from tbdcore.checks import Array, ArrayLike, Covariance, Integer, Number, Numbers, checked, numbers
 from tbdcore.detection import TINY
 from tbdcore.jit import kernel
 from tbdcore.kalman import (
-    Covariance,
     Positive,
     Real,
     Spread,
@@ -237,7 +236,13 @@ def noise_level(scans):
     Returns the lowest strength but for a tenth of the plots, the level in dB of what is above it,
     which has the mean of the noise, and its error, infinite with fewer than 1,000 plots.
     """
-    lam = np.sort(np.concatenate([[], *(cells[:, 2] for cells in scans if cells is not None)]))
+    if not isinstance(scans, (list, tuple)):
+        raise ValueError("track_cfar.noise_level: scans: give a list of arrays (n, d), or None")
+    name = "track_cfar.noise_level: scans"
+    tables = [numbers(f"{name}[{k}]", z, "n", "d") for k, z in enumerate(scans) if z is not None]
+    if any(table.shape[1] < 3 for table in tables):
+        raise ValueError(f"{name}: fewer than three columns; the strength is in column 2")
+    lam = np.sort(np.concatenate([[], *(table[:, 2] for table in tables)]))
     lam = lam[len(lam) // 10 : np.searchsorted(lam, np.inf)]
     if len(lam) < 2:
         return 0.0, 0.0, np.inf

@@ -109,8 +109,10 @@ def starts(
     Kirubarajan 2001, 5.5.3).  The units are those of the plots.
     """
     before, after = np.diff(t).tolist()
-    if len(scans) != 3 or min(before, after) <= 0:
-        raise ValueError(f"recording.starts: {len(scans)} scans; give three, and t that rises")
+    if not isinstance(scans, (list, tuple, np.ndarray)) or len(scans) != 3:
+        raise ValueError("recording.starts: scans: give three, arrays of rows x, y or None")
+    if min(before, after) <= 0:
+        raise ValueError(f"recording.starts: t: {t.tolist()}; give times that rise")
     scans = [np.empty((0, 2)) if scan is None else scan for scan in scans]
     first, middle, last = (places(f"recording.starts: scans[{k}]", scans[k]) for k in range(3))
     rate = 1 / (before + after)

@@ -108,6 +108,9 @@ def normal_scores(frames: Frames, law: Any) -> Array:
     sf = getattr(law, "sf", lambda z: np.maximum(1 - np.asarray(cdf(z)), 2.0**-53))
     z = np.asarray(frames, float)
     p = np.asarray(cdf(z), float)
+    if p.shape != z.shape:
+        words = f"its cdf gives shape {p.shape} for {z.shape}; give the law of one cell"
+        raise ValueError(f"recording.normal_scores: law: {words}")
     numbers("recording.normal_scores: law", p[z == z], "N", low=0.0, high=1.0)
     right = p > 0.5
     scores = ndtri(np.maximum(p, SMALL))

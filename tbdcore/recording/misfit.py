@@ -132,14 +132,14 @@ def fit(
     """
     x, places = _windows(frames)
     x = (x - mean) / std
-    bright, expected = _bright(_scores(x, law, _noise(x, law)))
+    bright, (left, known) = _bright(_scores(x, law, _noise(x, law)))
     x[bright] = np.nan
     n, at = int((x == x).sum()), _noise(x, law)
     y = _scores(x, law, at)
     next_ones = [_correlation(y, axis) for axis in (2, 3, 1)]
     fewer = math.prod((1 - r.value) / (1 + r.value) for r in next_ones if r.value > 0)
     slopes = [_slope(y, place, law, at.std, fewer) for place in places]
-    tails = [_tail(y, q, *expected, fewer) for q in (1e-2, 1e-3)]
+    tails = [_tail(y, q, left, known, fewer) for q in (1e-2, 1e-3)]
     found = [*_level(x, at, law, max(n * fewer, 1.0)), *slopes, *tails, *next_ones]
     limits = [of[law] for of in TOLERANCE.values()]
     found = [m._replace(tolerance=limit) for m, limit in zip(found, limits, strict=True)]

@@ -43,11 +43,11 @@ def blur_of(
     largest = maximum_filter(z, size=4 * half + 1, axes=(1, 2), mode="constant", cval=-np.inf)
     at = np.argwhere((z == largest) & (z > eta))
     inside = ((at[:, 1:] >= half) & (at[:, 1:] < np.array(z.shape[1:]) - half)).all(axis=1)
-    patches = [z[k, i - half : i + half + 1, j - half : j + half + 1] for k, i, j in at[inside]]
-    patches = np.array([patch for patch in patches if np.isfinite(patch).all()])
+    around = [z[k, i - half : i + half + 1, j - half : j + half + 1] for k, i, j in at[inside]]
+    patches: Array = np.array([patch for patch in around if np.isfinite(patch).all()])
     if len(patches) < 5:
         return Blur(np.full(2, np.nan), np.full(2, np.nan), len(patches))
-    edge = np.ones(patches.shape[1:], bool)
+    edge: Array = np.ones(patches.shape[1:], bool)
     edge[1:-1, 1:-1] = False
     patches = patches - patches[:, edge].mean()
     for read in range(min(3, half), half + 1):

@@ -19,8 +19,8 @@ from typing import NamedTuple
 from tbdcore.repro import claims, clone, pages, paths, products
 
 ARTICLE = ("author", "title", "journal", "year")  # what BibTeX requires of an @article
-FIELDS = (*ARTICLE[:3], "volume", "number", "pages", "year", "version", "doi", "howpublished")
-FIELDS += ("key", "note")
+FIELDS = [*ARTICLE[:3], "volume", "number", "pages", "year", "version", "doi", "howpublished"]
+FIELDS += ["key", "note"]
 SHOWN_ROWS = 40  # of a table, at most
 COLUMN = 325  # points: a little less than the text of an article, 345, is wide
 KINDS = ("pdf", "svg", "png", "gif", "md", "tex", "csv", "json")

@@ -16,7 +16,7 @@ import time
 ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 GRACE_PERIOD = 2  # seconds that a process has to end before it is killed
 POLL_INTERVAL = 0.5  # seconds between two looks at a process that runs
-came = []  # signals that have asked the present command to end
+came: list = []  # signals that have asked the present command to end
 
 
 def note(number, frame):

@@ -109,7 +109,7 @@ Delta Lambda Sigma Omega le ge times to pm infty approx"""
 _SYMBOLS = zip("αβγδηθκλμπρστφχωΔΛΣΩ≤≥×→±∞≈", _LETTERS.split(), strict=True)
 _TEX = {c: "\\" + c for c in "&%$#_{}"} | {c: rf"\ensuremath{{\{name}}}" for c, name in _SYMBOLS}
 _TEX |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
-_TEX = str.maketrans(_TEX)
+_TO_TEX = str.maketrans(_TEX)
 _SYMBOL = re.compile(r"\b([A-Za-z])_([A-Za-z0-9]{1,3}|FA|TAR)\b")  # P_d, R_T, r_P
 _LONG = re.compile(r"(?<=[a-z]{2})_(?=[a-z]{2})")  # tested_from may be broken, P_d not
 _NUMBER = re.compile(r"[-+−]?[\d.]+(e[-+]?\d+)?( ± [\d.]+)?|")
@@ -165,5 +165,5 @@ def tex(text):
     """Text with LaTeX's special characters escaped outside mathematics."""
     text = _SYMBOL.sub(r"$\1_{\\mathrm{\2}}$", text) if "$" not in text else text
     pieces = re.split(r"(\$[^$]+\$)", text)
-    pieces[::2] = [piece.translate(_TEX) for piece in pieces[::2]]
+    pieces[::2] = [piece.translate(_TO_TEX) for piece in pieces[::2]]
     return "".join(pieces)

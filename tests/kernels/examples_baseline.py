@@ -21,8 +21,6 @@ EXAMPLES = {
         "birth": 0.125,
     },
     "recursive_maximum": lambda: {"log_ratios": FRAMES / 4 - 1, "walk": 1, "memory": 0.75},
-    "m_of_n": lambda: {"hits": hits(), "m": 2, "n": 3},
-    "m_of_n_probability": lambda: {"p": np.array([0.0, 0.25, 1.0]), "m": 2, "n": 3},
     "delay": lambda: {"hits": hits(), "start": 1},
     "kept_share": lambda: {"hits": hits(), "start": 0},
     "mean_se": lambda: {"x": np.array([[1.0, 2.0], [3.0, 5.0], [4.0, 4.0]])},

@@ -14,7 +14,6 @@ EXAMPLES = {
     "proportion": lambda: {"k": np.array([1.0, 2.0]), "n": np.array([4.0, 8.0])},
     "crossing": lambda: {"x": X.copy(), "y": CURVE.copy(), "level": 0.25},
     "crossings": lambda: {"x": X.copy(), "curves": np.array([CURVE, CURVE / 2]), "level": 0.25},
-    "ospa": lambda: {"X": np.array([[1.0, 2.0]]), "Y": np.array([[4.0, 6.0]]), "c": 8.0, "p": 2.0},
     "ospa_bernoulli": lambda: {
         "x": np.array([[1.0, 2.0], [3.0, 4.0]]),
         "existence": np.array([1.0, 0.0]),

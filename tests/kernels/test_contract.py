@@ -6,17 +6,18 @@ FREE lists the arguments in which NaN or infinity has a meaning, which the docst
 
 import importlib
 import inspect
+import itertools
 import re
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import tbdcore
+from tbdcore.checks import Covariance
+from tbdcore.kernels import mda_tbd
 
-HERE = Path(__file__).parent
 CHECKED = {  # module: the files that have examples of its functions
     "baseline": ["baseline"],
     "detection": ["detection"],
@@ -283,6 +284,138 @@ def test_scalars(name):
             result, message = outcome(function, example() | {argument: good})
             assert message is None
             assert same(result, expected, rtol=0, atol=0), argument
-        for odd in (str(value), None, np.ma.masked, 1j, [value, value], {}):
+        for odd in (str(value), None, np.ma.masked, 1j, [value, value], {}, True):
             _, message = outcome(function, example() | {argument: odd})
             assert names(message, argument), (argument, odd, message)
+
+
+# Leading axes that are no stack: trials, blocks, curves, one number for each frame; arguments that
+# must have one shape
+NO_STACK = {"mean_se", "threshold", "crossings", "point_frames", "add_target", "inject"}
+NO_STACK |= {"matched_filter", "blob_image", "polar_cells", "ospa_bernoulli", "masked_rmse"}
+
+
+def stackable(function, example):
+    """Names and values of the arguments whose leading axes are a stack."""
+    return [(k, a) for k, a in arguments_of(example, np.ndarray) if any_axes(function, k)]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_stack_gives_one_result_after_the_other(name):
+    function, example = function_and_example(name)
+    single, _ = outcome(function, example())
+    arguments = stackable(function, example)
+    if function.__name__ in NO_STACK:
+        return
+    for some in [arguments, *([each] for each in arguments)]:  # all of them, and each alone
+        stacked = {k: np.stack([a, a, a]) for k, a in some}
+        result, message = outcome(function, example() | stacked)
+        assert message is None, stacked.keys()
+        for ours, one in zip(flat(result), flat(single), strict=True):
+            assert ours.shape in (one.shape, (3, *one.shape)), stacked.keys()
+            np.testing.assert_allclose(ours, np.broadcast_to(one, ours.shape), rtol=1e-12)
+        if some is arguments and arguments:
+            assert flat(result)[0].shape == (3, *flat(single)[0].shape)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_stacks_of_different_length_are_refused(name):
+    function, example = function_and_example(name)
+    arguments = stackable(function, example)
+    for (first, a), (second, b) in itertools.combinations(arguments, 2):
+        stacks = {first: np.stack([a, a, a]), second: np.stack([b, b])}
+        _, message = outcome(function, example() | stacks)
+        assert names(message, second) or names(message, first), (first, second, message)
+        assert function.__name__ in message
+
+
+def covariances(function, example):
+    """Names and values of the arguments that are covariance matrices."""
+    rules = inspect.signature(function).parameters
+    return [
+        (k, a)
+        for k, a in arguments_of(example, np.ndarray)
+        if isinstance(rules[k].annotation, Covariance)
+    ]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_covariance_is_symmetric_and_not_negative(name):
+    function, example = function_and_example(name)
+    for argument, a in covariances(function, example):
+        lower, turned = np.tril(a), a.copy()
+        deviations = np.sqrt(a[..., 0, 0] * a[..., 1, 1])
+        turned[..., 0, 1] = turned[..., 1, 0] = 1.01 * deviations  # a correlation above one
+        for wrong in (lower + np.triu(2 * a + 1, 1), turned, -a):
+            _, message = outcome(function, example() | {argument: wrong})
+            assert names(message, argument), (argument, message)
+            assert function.__name__ in message
+        rounded = a.copy()
+        rounded[..., 0, 1] += 1e-12 * deviations
+        _, message = outcome(function, example() | {argument: rounded})
+        assert message is None, argument
+
+
+HUGE = (10**9, 10**9)
+TWO_SCANS = [np.array([[0.0, 0.0], [9.0, 9.0]])] * 2
+NOT_NUMBER = {"z": np.full((1, 2), np.nan), "gated": np.array([0]), "zhat": np.ones((1, 2))}
+NOT_NUMBER |= {"S": np.eye(2)[None], "beta": np.array([[0.5, 0.5]]), "expected": np.array([0.5])}
+
+
+def contradicting(**changed):
+    told = {"seen": [], "x": np.ones((1, 1, 4)), "P": np.eye(4)[None, None], "clutter": 1e-6}
+    return told | {"existence": np.ones((1, 1)), "p_detect": np.array([0.5])} | changed
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "arguments"),
+    [
+        ("kernels.mm_pf_tbd.blob_image", "shape",
+         {"x": 1.0, "y": 1.0, "peak": 1.0, "blur": 1.0, "shape": HUGE}),
+        ("kernels.mm_pf_tbd.blob_image", "shape",
+         {"x": np.ones(10**4), "y": np.ones(10**4), "peak": 1.0, "blur": 1.0,
+          "shape": (10**3, 10**3)}),
+        ("kernels.mda_tbd.spread_power", "shape",
+         {"rho": 1.0, "alpha": 1.0, "spread": mda_tbd.Spread(1.0, 1.0, 1, 1), "shape": HUGE}),
+        ("kernels.mda_tbd.noise_power", "shape",
+         {"shape": HUGE, "rng": np.random.default_rng(1)}),
+        ("noise.exponential", "shape", {"shape": HUGE, "rng": np.random.default_rng(1)}),
+        ("noise.correlated", "shape",
+         {"shape": HUGE, "correlation": (0.5, 0.5), "rng": np.random.default_rng(1)}),
+        ("kernels.dp_tbd.margin", "width", {"frames": np.ones((1, 2, 2)), "width": 10**9}),
+        ("particles.systematic", "M", {"W": np.ones(3), "M": 10**12, "u": 0.5}),
+        ("particles.systematic", "M", {"W": np.ones(3), "M": True, "u": 0.5}),
+        ("particles.systematic", "u", {"W": np.ones(3), "M": 3, "u": False}),
+        ("kernels.mda_tbd.inherit", "births",
+         {"H": np.ones((1, 1, 1)), "age": [1], "ancestors": [0], "births": 10**12}),
+        ("recording.starts", "scans", {"scans": None, "t": (0, 1, 2), "fastest": 9, "sigma": 1}),
+        ("recording.starts", "scans",
+         {"scans": TWO_SCANS, "t": (0, 1, 2), "fastest": 9, "sigma": 1}),
+        ("recording.normal_scores", "law",
+         {"frames": np.ones((2, 3, 4)), "law": lambda z: np.full(5, 0.5)}),
+        ("kernels.track_cfar.noise_level", "scans", {"scans": None}),
+        ("kernels.track_cfar.noise_level", "scans", {"scans": [np.ones(3)]}),
+        ("kernels.track_cfar.noise_level", "scans", {"scans": [np.ones((3, 2))]}),
+        ("kernels.track_cfar.noise_level", "scans", {"scans": ["no plot"]}),
+        ("kernels.ljipda_ai.look", "z", NOT_NUMBER | {"gamma": 9.0}),
+        ("kernels.ljipda_ai.look", "z", NOT_NUMBER | {"z": "text", "gamma": 9.0}),
+        ("kernels.ljipda_ai.look", "gated",
+         NOT_NUMBER | {"z": np.ones((1, 2)), "gated": np.array([1]), "gamma": 9.0}),
+        ("kernels.ljipda_ai.contradiction", "clutter", contradicting(clutter="estimated")),
+        ("kernels.ljipda_ai.contradiction", "clutter", contradicting(clutter=-1.0)),
+        ("kernels.ljipda_ai.contradiction", "seen", contradicting(seen=[None])),
+        ("kernels.mm_pf_tbd.blob_log_ratio", "r",
+         {"z": np.ones((3, 3)), "S": np.ones((1, 5)), "r": [7], "peak": 1.0, "blur": 1.0,
+          "noise": 1.0}),
+        ("kernels.mda_tbd.column_test", "covariance",
+         {"measured": [1.0, 2.0], "printed": [1.0, 2.0], "covariance": [[1.0, 2.0], [2.0, 1.0]],
+          "ratio": 1.0}),
+        ("state.save", "file", {"file": 7, "state": (1,)}),
+        ("state.load", "file", {"file": 7}),
+    ],
+)  # fmt: skip
+def test_one_line_names_function_and_argument(name, argument, arguments):
+    module, _, function = name.rpartition(".")
+    _, message = outcome(getattr(importlib.import_module(f"tbdcore.{module}"), function), arguments)
+    assert names(message, argument), message
+    assert function in message

@@ -112,23 +112,6 @@ def test_a_place_without_known_cells_is_no_evidence():
     assert (cells[0, 1], value[0], value[1]) == (29, 29.0, -np.inf)
 
 
-@pytest.mark.parametrize(("m", "n"), [(1, 1), (2, 3), (3, 5), (5, 5)])
-def test_m_of_n_is_the_sum_over_all_outcomes(m, n):
-    p, total = 0.3, 0.0
-    for outcome in itertools.product([False, True], repeat=n):
-        declared = baseline.m_of_n(outcome, m, n)[-1]
-        assert declared == (sum(outcome) >= m)
-        total += declared * p ** sum(outcome) * (1 - p) ** (n - sum(outcome))
-    assert baseline.m_of_n_probability(p, m, n) == pytest.approx(total)
-
-
-def test_m_of_n_looks_at_the_last_n_frames():
-    hits = rng().random((5, 40)) < 0.4
-    found = baseline.m_of_n(hits, 2, 3)
-    for k in range(40):
-        assert (found[:, k] == (hits[:, max(0, k - 2) : k + 1].sum(axis=1) >= 2)).all()
-
-
 def test_scores_of_declarations():
     hits = np.array([[1, 0, 0, 1, 1, 0], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1]], bool)
     assert baseline.delay(hits, 1).tolist() == [2, 5, 4]

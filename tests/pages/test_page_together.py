@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.special import i0
-from scipy.stats import kstest
+from scipy.stats import binom, kstest
 
 import tbdcore
 from tbdcore import baseline, motion, recording
@@ -111,7 +111,7 @@ def test_the_reference_is_m_of_n_on_one_cell():
     power = (1 + snr) * rng.standard_exponential((n, p.block))
     declared = [np.isfinite(chain(one_cell(row), tau, p)).any() for row in power]
     assert declared == ((power > tau).sum(axis=1) >= p.hits).tolist()
-    exact = baseline.m_of_n_probability(math.exp(-tau / (1 + snr)), p.hits, p.block)
+    exact = binom.sf(p.hits - 1, p.block, math.exp(-tau / (1 + snr)))
     assert abs(np.mean(declared) - exact) < 2.6 * math.sqrt(exact * (1 - exact) / n)
 
 

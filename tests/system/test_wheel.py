@@ -51,7 +51,7 @@ assert P.shape == (4, 4) and P[0, 0] > 1
 assert motion.cv(1.0).shape == (4, 4)
 assert np.isclose(detection.threshold(np.exp(-2.0)), 2.0)
 assert np.allclose(weights, 0.25)
-assert score.ospa(np.zeros((1, 2)), np.zeros((1, 2)), 1.0, 2) == 0
+assert score.crossing([0.0, 2.0], [1.0, 0.0], 0.5) == 1.0
 assert dp_tbd.point_amplitude(0.0) > 0
 assert len(dp_tbd.margin(frames, 3)) == 3
 assert np.isfinite(beta[0]).all()
