@@ -90,36 +90,18 @@ def systematic(
 
     W : (N,) weights, finite, none negative, one at least positive; they need not sum to one.
     """
-    total = _total(W)
+    total, last = 0.0, 0
+    for n in range(W.size):
+        total += W[n] if W[n] >= 0.0 else np.nan
+        if W[n] > 0.0:
+            last = n
     if not LEAST <= total <= MOST:
         raise ValueError("particles.systematic: W has a negative weight or NaN, or is all 0")
-    return _arrows(W, total, M, u)
-
-
-@kernel
-def _total(W):
-    """Sum of the weights; NaN if one is NaN or negative."""
-    total = 0.0
-    for w in W:
-        total += w if w >= 0.0 else np.nan
-    return total
-
-
-@kernel
-def _arrows(W, total, M, u):
-    """Ancestor of each arrow: the number of particles whose end, the cumulative sum, is before."""
-    last = W.size - 1
-    while last > 0 and W[last] <= 0.0:
-        last -= 1
-    step, dense = total / M, M / total
-    passed = np.zeros(M + 1, np.int64)  # [m]: particles that end between arrow m - 1 and arrow m
-    c = 0.0
-    for n in range(last):
-        c += W[n]
-        m = min(int(c * dense - u + 1.0), M)
-        while m < M and (m + u) * step < c:
-            m += 1
-        while m > 0 and (m - 1 + u) * step >= c:
-            m -= 1
-        passed[m] += 1
-    return np.cumsum(passed[:M])
+    ancestors, step = np.empty(M, np.int64), total / M
+    n, end = 0, W[0]
+    for m in range(M):
+        while n < last and end <= (m + u) * step:
+            n += 1
+            end += W[n]
+        ancestors[m] = n
+    return ancestors

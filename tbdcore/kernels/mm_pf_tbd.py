@@ -326,27 +326,27 @@ def transition(
         if not (min(p, q, w) >= 0.0 and abs(p + q + w - 1.0) <= 1e-9):
             raise ValueError("mm_pf_tbd.transition: a row of Pi is negative or does not sum to 1")
     both = _check_intervals(omegas) if len(omegas) else 0.0
-    after, m = np.empty_like(r), np.zeros(4, np.int64)
-    lists = np.empty((4, r.size), np.int64)  # the absent, straight, turning, born; m of each
-    for n in range(r.size):  # no branch here, which a processor would have to guess
+    after, is_born = np.empty_like(r), np.zeros(r.size, np.bool_)
+    for n in range(r.size):
         before = r[n]
         if not (0 <= before <= 2 and 0.0 <= u[n] < 1.0):
             raise ValueError("mm_pf_tbd.transition: a regime r is not 0, 1, 2, or u not in [0, 1)")
         now = int(u[n] >= Pi[before, 0]) + int(u[n] >= Pi[before, 0] + Pi[before, 1])
-        k = np.uint64(3 if (before == 0) & (now > 0) & redraw else now)
-        after[n], lists[k, np.uint64(m[k])] = now, n
-        m[k] += 1
-    for n in lists[1, : m[1]]:
-        _move(S, n, T, 0.0, 1.0, 0.0, T, a)
-    for n in lists[2, : m[2]]:
-        if r[n] == 1 and len(omegas):
-            second = Pi[1, 0] + Pi[1, 1]
-            S[n, 4] = _turn_rate((u[n] - second) / (1.0 - second) * both, omegas)
-        h = 0.5 * S[n, 4] * T
-        sh, ch = math.sin(h), math.cos(h)
-        f = T * sh / h if h != 0.0 else T
-        _move(S, n, f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch, T, a)
-    return after, lists[3, : m[3]], S
+        after[n], is_born[n] = now, redraw and before == 0 and now > 0
+    for n in range(r.size):
+        if is_born[n]:
+            continue
+        if after[n] == 1:
+            _move(S, n, T, 0.0, 1.0, 0.0, T, a)
+        elif after[n] == 2:
+            if r[n] == 1 and len(omegas):
+                second = Pi[1, 0] + Pi[1, 1]
+                S[n, 4] = _turn_rate((u[n] - second) / (1.0 - second) * both, omegas)
+            h = 0.5 * S[n, 4] * T
+            sh, ch = math.sin(h), math.cos(h)
+            f = T * sh / h if h != 0.0 else T
+            _move(S, n, f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch, T, a)
+    return after, np.flatnonzero(is_born), S
 
 
 def copy_particles_spec(r, S, ancestors):
