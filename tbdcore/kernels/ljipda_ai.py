@@ -61,7 +61,6 @@ from tbdcore.kalman import (
     TrackCovariances,
     Tracks,
     _finite,
-    _rotated,
     polar,
     polar_noise,
     predict,
@@ -514,6 +513,13 @@ def jipda_spec(log_ratio, existence, detect):
     posterior = joint.sum(axis=1)
     joint[:, 0] += posterior == 0  # an impossible track: nothing is its plot
     return joint / joint.sum(axis=1, keepdims=True), posterior
+
+
+@kernel
+def _rotated(u, v, n, along, across):
+    """As in ``kalman``: Numba's cache of this module does not see a change in another one."""
+    xx, yy = along * u * u + across * v * v, along * v * v + across * u * u
+    return xx / n, (along - across) * u * v / n, yy / n
 
 
 @kernel

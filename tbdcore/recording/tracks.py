@@ -70,7 +70,8 @@ def follow(
     if (np.diff(t) <= 0).any():
         raise ValueError("recording.follow: t: times do not rise; recording.scans sorts them")
     _check_steps(scans, t, fastest)
-    state, names, low, rows, count = None, np.empty(0, int), np.empty(0, int), [], 0
+    state: Any = None
+    names, low, rows, count = np.empty(0, int), np.empty(0, int), [], 0
     for k in range(2, len(t)):
         free = scans[k]
         if names.size:
