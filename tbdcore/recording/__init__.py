@@ -3,7 +3,8 @@
     at = recording.clipped(frames)                      # mean and spread of the noise
     z = recording.normalise(frames, at)                 # white noise: mean 0, variance 1
     print(misfit.fit(z))                                # does the noise look like that?
-    peaks = [statistic(block) for block in recording.blocks(z, 11)]
+    cut = recording.windows(z, 11, (20, 20), away=place)  # away from where a target may be
+    peaks = [statistic(block) for block in cut.blocks[~cut.control]]
     V_T = recording.threshold(peaks, 0.05).value
 
 ``frames`` (K, nx, ny) are in their order of time; a list will do, in which None is a missing frame.
@@ -16,7 +17,7 @@ of mean 0 and variance 1, or power of mean 1.
 
 ``levels``      noise and background: the level of each cell, frames in units of it
 ``laws``        any law of the noise
-``thresholds``  blocks without a target, and the threshold that they give
+``thresholds``  blocks without a target, the threshold that they give, what a control delivers
 ``detections``  plots from cells, plots of one ship made one, start states
 ``tables``      scans of plots from the rows of a table
 ``tracks``      tracks that start and end
@@ -28,10 +29,20 @@ from tbdcore.recording.detections import merge_plots, plots, starts
 from tbdcore.recording.laws import TailedLaw, empirical_law, log_ratio, normal_scores
 from tbdcore.recording.levels import Level, background, bin_cells, clipped, normalise
 from tbdcore.recording.tables import cartesian, scans
-from tbdcore.recording.targets import Blur, blur_of, inject
-from tbdcore.recording.thresholds import Threshold, blocks, threshold
+from tbdcore.recording.targets import Blur, blur_of, inject, kept
+from tbdcore.recording.thresholds import (
+    Outcome,
+    Threshold,
+    Windows,
+    blocks,
+    outcome,
+    suspects,
+    threshold,
+    windows,
+)
 from tbdcore.recording.tracks import Tracks, follow
 
-__all__ = ["Blur", "Level", "TailedLaw", "Threshold", "Tracks", "background", "bin_cells", "blocks"]
-__all__ += ["blur_of", "cartesian", "clipped", "empirical_law", "follow", "inject", "log_ratio"]
-__all__ += ["merge_plots", "normal_scores", "normalise", "plots", "scans", "starts", "threshold"]
+__all__ = ["Blur", "Level", "Outcome", "TailedLaw", "Threshold", "Tracks", "Windows", "background"]
+__all__ += ["bin_cells", "blocks", "blur_of", "cartesian", "clipped", "empirical_law", "follow"]
+__all__ += ["inject", "kept", "log_ratio", "merge_plots", "normal_scores", "normalise", "outcome"]
+__all__ += ["plots", "scans", "starts", "suspects", "threshold", "windows"]

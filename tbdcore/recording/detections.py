@@ -4,11 +4,13 @@
 """
 
 import math
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
+from scipy.special import log_ndtr, ndtri_exp
 
-from tbdcore.checks import Array, ArrayLike, Number, Numbers, checked, numbers
+from tbdcore.checks import Array, ArrayLike, Flag, Number, Numbers, checked, numbers
 from tbdcore.noise import Frames, Law
 
 __all__ = ["merge_plots", "plots", "starts"]
@@ -26,6 +28,7 @@ def plots(
     law: Law = "gaussian",
     origin: Pair = (0.0, 0.0),
     cell: Pair = (1.0, 1.0),
+    level: Annotated[bool, Flag()] = False,
 ) -> list:
     """Plots of each frame: a list of (n, 5), place on both axes, strength, accuracy on both axes.
 
@@ -39,14 +42,32 @@ def plots(
     origin, cell : place of the centre of cell (0, 0), and size of a cell, on each axis.  With
         range (m) and azimuth (rad) the columns are those of chapter 04; chapter 05 takes x, y and
         amplitude, [r cos(a), r sin(a), sqrt(2 strength)].
+    level : the largest of m joined cells does not have the law of one cell above ``eta``; True
+        gives, instead of it, the value that one such cell exceeds with the same probability in
+        white noise.  A strong plot loses ln m of its power.  Take it for chapter 04.
     """
     mean = float(law == "exponential")
     if eta <= mean:
         raise ValueError(f"recording.plots: eta: {eta:g} is not above the noise's mean, {mean:g}")
-    return [_plots(z, eta, mean, origin, cell) if (z == z).any() else None for z in frames]
+    rule = partial(_as_one_cell, eta=eta, law=law) if level else None
+    return [_plots(z, eta, mean, origin, cell, rule) if (z == z).any() else None for z in frames]
 
 
-def _plots(frame, eta, mean, origin, cell):
+def _as_one_cell(strength, cells, eta, law):
+    """Strengths (n, 1), each the largest of m cells above eta, with the law of one such cell.
+
+    Of m the largest lies below it with probability (1 - s)**m, s = sf(strength) / sf(eta).
+    """
+    log_sf, inverse = (log_ndtr, ndtri_exp) if law == "gaussian" else (np.positive, np.positive)
+    log_s = log_sf(-strength) - log_sf(-eta)
+    with np.errstate(divide="ignore"):  # a strength of eta itself
+        log_one = np.log(-np.expm1(cells * np.log1p(-np.exp(log_s))))
+    far = log_s < -30  # 1 - (1 - s)**m is m s, which rounds
+    log_one = np.where(far, np.log(cells) + log_s, log_one)
+    return -inverse(log_one + log_sf(-eta))
+
+
+def _plots(frame, eta, mean, origin, cell, rule):
     """The table of :func:`plots` of one frame."""
     from scipy import ndimage
 
@@ -59,6 +80,8 @@ def _plots(frame, eta, mean, origin, cell):
     noise = BOUND / (np.sqrt(2 * strength) if mean else strength)
     boxes = ndimage.find_objects(label)
     rows = np.array([[side.stop - side.start for side in box] for box in boxes])
+    if rule:
+        strength = rule(strength, np.bincount(label.ravel())[1:, None])
     accuracy = abs(cell) * np.sqrt(noise**2 + 1 / (12 * rows**3))
     return np.hstack([origin + cell * place, strength, accuracy])
 

@@ -19,7 +19,12 @@ __all__ = ["Level", "background", "bin_cells", "clipped", "normalise"]
 LN2 = math.log(2.0)
 ROUNDS = 8
 CLIP = {"gaussian": 3.0, "exponential": 5.0}  # standard deviations, mean powers
+MOST_LOWEST = 0.05  # share of the cells that may have the lowest value
 KEPT = {"gaussian": 0.98657, "exponential": 0.96608}  # spread, mean of what is not clipped
+
+
+class Misfit(UserWarning):
+    """The data are not what the filter was told; one line says what, by how much, and a remedy."""
 
 
 class Level(NamedTuple):
@@ -105,7 +110,8 @@ def normalise(frames: Frames, at: Level, law: Law = "gaussian") -> Array:
     """Noise of mean 0 and variance 1, (z - mean) / std; "exponential": power of mean 1, z / mean.
 
     at : a Level of numbers, or of arrays (nx, ny) or (K, nx, ny).  NaN where its spread is not
-        above 0, as that of a cell that always shows the same value.
+        above 0, as that of a cell that always shows the same value; a ``Misfit`` warning says how
+        many cells that are, and whether the lowest value is that of many cells.
     """
     try:
         mean, std = (np.broadcast_to(np.asarray(a, float), frames.shape) for a in at)
@@ -114,10 +120,26 @@ def normalise(frames: Frames, at: Level, law: Law = "gaussian") -> Array:
         raise ValueError(f"recording.normalise: at: give Level(mean, std), {advice}") from None
     scale = std if law == "gaussian" else mean
     if not (scale > 0).any():
-        raise ValueError("recording.normalise: at: its spread is nowhere above 0; look at frames")
+        words = "its spread is nowhere above 0; thresholded frames are for recording.plots"
+        raise ValueError(f"recording.normalise: at: {words}")
     with np.errstate(invalid="ignore", divide="ignore"):
         z = (frames - mean if law == "gaussian" else frames) / scale
+    _warn_lost(frames, scale)
     return np.where(scale > 0, z, np.nan)
+
+
+def _warn_lost(frames, scale):
+    """A warning of cells that a preparation cuts out, and of frames that were thresholded."""
+    known = frames == frames
+    lost = float((known & ~(scale > 0)).sum() / max(known.sum(), 1))
+    lowest = np.min(frames, where=known, initial=np.inf)
+    same = float((frames == lowest).sum() / max(known.sum(), 1))
+    words = [f"{lost:.2g} of the cells have no spread and become NaN"] * (lost > 0)
+    words += [f"{same:.2g} of the cells have the lowest value, {lowest:g}"] * (same > MOST_LOWEST)
+    if words:
+        advice = "thresholded frames are for recording.plots, dead cells stay NaN"
+        line = f"recording.normalise: frames: {'; '.join(words)}; {advice}"
+        warnings.warn(line, Misfit, stacklevel=4)
 
 
 @checked

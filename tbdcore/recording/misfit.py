@@ -15,7 +15,7 @@ from scipy.special import ndtri
 
 from tbdcore.checks import Number, checked
 from tbdcore.noise import Frames, Law
-from tbdcore.recording.levels import clipped
+from tbdcore.recording.levels import Misfit, clipped
 
 __all__ = ["Misfit", "fit", "warn_misfit"]
 
@@ -47,10 +47,6 @@ MENDS = {
     "tail": "normal_scores(frames, empirical_law(noise))",
     "next": "blocks(frames, K) give the threshold",
 }
-
-
-class Misfit(UserWarning):
-    """The data are not what the filter was told; one line says what, by how much, and a remedy."""
 
 
 class Measure(NamedTuple):

@@ -1,14 +1,19 @@
-"""The blur of targets, and a target in one's own frames."""
+"""The blur of targets, and a target in one's own frames; **a gap is NaN**, a cell or a frame."""
 
 import math
+import warnings
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, checked
 from tbdcore.noise import Frames, Generator, Law
+from tbdcore.recording.levels import Misfit, normalise
 
-__all__ = ["Blur", "blur_of", "inject"]
+__all__ = ["Blur", "blur_of", "inject", "kept"]
+
+LEAST_KEPT = 0.7
 
 
 # Blur
@@ -35,7 +40,8 @@ def blur_of(
     The images of the places are added, less the mean of their outermost cells; the moments read 3
     blurs and a cell to each side.  The width of power is the amplitude's over sqrt(2): ``sd_r``,
     ``sd_a`` of chapter 03 are sqrt(2) times it.  Places within ``half`` cells of the border or of a
-    gap are not used; with fewer than five the result is NaN.
+    gap are not used; with fewer than five the result is NaN, and a ``Misfit`` warning says that the
+    blur is not measurable, as of a target of 12 dB at the default ``eta``.
     """
     from scipy.ndimage import maximum_filter
 
@@ -46,6 +52,9 @@ def blur_of(
     around = [z[k, i - half : i + half + 1, j - half : j + half + 1] for k, i, j in at[inside]]
     patches: Array = np.array([patch for patch in around if np.isfinite(patch).all()])
     if len(patches) < 5:
+        words = f"{len(patches)} places above eta = {eta:g}; give frames with brighter places"
+        line = f"recording.blur_of: frames: the blur is not measurable: {words}"
+        warnings.warn(line, Misfit, stacklevel=3)
         return Blur(np.full(2, np.nan), np.full(2, np.nan), len(patches))
     edge: Array = np.ones(patches.shape[1:], bool)
     edge[1:-1, 1:-1] = False
@@ -108,3 +117,42 @@ def _profile(place, n, blur):
     with np.errstate(invalid="ignore"):
         h = np.exp(-(d**2) / (2 * blur * blur)) if blur else (d == 0).astype(float)
     return np.nan_to_num(h, nan=0.0)
+
+
+@checked
+def kept(
+    frames: Frames,
+    speed: Annotated[float, Number(0.0, 1e6)],
+    strength: Annotated[float, Number(1e-100, 1e50)],
+    blur: Annotated[float, Number(0.0, 100.0)],
+    prepare: Callable,
+    rng: Generator,
+    law: Law = "gaussian",
+) -> float:
+    """Share of a target's strength that a preparation leaves, tried by injection.
+
+    The target goes back and forth along the first axis through the middle of the frames, ``speed``
+    cells per frame.  Below 0.7 a ``Misfit`` warning says that the preparation takes the target for
+    background, or for noise.
+
+    prepare : gives the Level of frames, as ``recording.background``; it must be a function of the
+        frames alone, which is called with and without the target
+    strength, blur, rng, law : as of :func:`inject`, in the unit of the frames
+    """
+    K, nx, ny = frames.shape
+    last = max(nx - 1, 1)
+    place = last - abs((speed * np.arange(K)) % (2 * last) - last)
+    path = np.column_stack([place, np.full(K, ny // 2)])
+    both = inject(frames, path, strength, blur, rng, law)
+    known, told = prepare(frames), prepare(both)
+    cells = np.arange(K), np.rint(place).astype(int), np.full(K, ny // 2)
+    empty, ideal, real = (
+        np.nanmean(normalise(z, at, law)[cells])
+        for z, at in ((frames, known), (both, known), (both, told))
+    )
+    share = float((real - empty) / (ideal - empty))
+    if share < LEAST_KEPT:
+        words = f"a target of {speed:g} cells per frame keeps {share:.0%} of its strength"
+        advice = "clipped(frames, size=...), or a background of other frames"
+        warnings.warn(f"recording.kept: speed: {words}; {advice}", Misfit, stacklevel=3)
+    return share

@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from tbdcore.recording import Level
+from tbdcore.recording import Level, background, threshold
 
 FREE = {
     (f, "frames")
     for f in ("background", "clipped", "normalise", "normal_scores", "log_ratio", "blocks")
 }
 FREE |= {(f, "frames") for f in ("plots", "blur_of", "bin_cells", "inject")}
+FREE |= {(f, "frames") for f in ("kept", "outcome", "windows")}
 FREE |= {("empirical_law", "noise"), ("inject", "path")}
 
 
@@ -63,6 +64,32 @@ EXAMPLES = {
         "peaks": np.arange(80.0).reshape(40, 2),
         "p_false": 0.125,
         "independent": 30,
+        "tail": "gumbel",
+    },
+    "windows": lambda: {
+        "frames": frames(20, 12, 12),
+        "K": 4,
+        "side": np.array([4.0, 3.0]),
+    },
+    "suspects": lambda: {
+        "peaks": np.array([3.0, 4.0, 19.0]),
+        "white": np.linspace(3.0, 4.0, 12),
+    },
+    "outcome": lambda: {
+        "frames": frames(20, 12, 12) - 3.0,
+        "level": threshold(np.linspace(3.0, 4.0, 40), 0.1),
+        "peaks": np.linspace(3.0, 4.0, 40),
+        "white": np.linspace(3.0, 4.5, 40),
+        "control": np.linspace(3.0, 4.25, 40),
+        "law": "gaussian",
+    },
+    "kept": lambda: {
+        "frames": 100 * frames(40, 12, 12),
+        "speed": 1.0,
+        "strength": 900.0,
+        "blur": 0.5,
+        "prepare": background,
+        "rng": np.random.default_rng(1),
     },
     "plots": lambda: {
         "frames": frames(1, 6, 7),
@@ -70,6 +97,7 @@ EXAMPLES = {
         "law": "gaussian",
         "origin": np.array([1000.0, 0.5]),
         "cell": np.array([10.0, 0.25]),
+        "level": True,
     },
     "merge_plots": lambda: {"scan": np.array([[0.0, 0, 1], [3, 0, 5], [9, 0, 2]]), "distance": 4.0},
     "starts": lambda: {
