@@ -12,7 +12,7 @@ from benchmarks.timing import Row
 from tbdcore.repro import paths
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-CHAPTERS = sorted((paths.BUILD / "book" / "notebooks").glob("*.html"))
+CHAPTERS = sorted((paths.build() / "book" / "notebooks").glob("*.html"))
 VISITS = 6
 FIRST = "Math.min(...performance.getEntriesByType('paint').map(entry => entry.startTime))"
 

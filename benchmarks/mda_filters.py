@@ -272,12 +272,12 @@ def first_above(curves, appears=15):
 def write(end, table):
     """Write a file of the study."""
     name = f"mda_filters{end and '_'}{end}.csv"
-    products.write(paths.CLAIMS.parent, {name: HEAD.encode() + products.csv(table)})
+    products.write(paths.claims().parent, {name: HEAD.encode() + products.csv(table)})
 
 
 def main():
     """Fly what the files lack."""
-    workers, folder = int((sys.argv[1:] or [0])[0]), paths.CLAIMS.parent
+    workers, folder = int((sys.argv[1:] or [0])[0]), paths.claims().parent
     made = {"starts": of_starts, "paths": of_paths, "": of_measures, "plain": of_plain}
     for end, make in made.items():
         if not (folder / f"mda_filters{end and '_'}{end}.csv").is_file():

@@ -27,7 +27,7 @@ from tbdcore.kernels import mda_tbd
 from tbdcore.repro import claims, paths, products, trials
 
 N, SEED = 30, 46
-FILE = paths.CLAIMS.parent / "mda_map.csv"
+FILE = paths.claims().parent / "mda_map.csv"
 KEY = ["family", "common", "q", "half_r", "half_a", "P_max", "P_walk", "reading"]
 ROWS = {
     "proposed": {"t4.1": (12, 0), "t4.2": (9, 0), "t2.4": (6, 0), "t6.1": (9, 1), "t6.4": (9, 4)},

@@ -148,7 +148,7 @@ def wanted(words):
 
 def main(words, stamp=False):
     """Fly rows, and write the file; with `stamp` only digests may change."""
-    chosen, path, made = wanted(words), paths.CLAIMS.parent / FILE, []
+    chosen, path, made = wanted(words), paths.claims().parent / FILE, []
     for paper in pages.papers():
         have, study = claims.flown(paper), studies(paper)
         for id in claims.read(paper):

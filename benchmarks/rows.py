@@ -121,12 +121,12 @@ def _executed(paper, cells, show, values):
     """What a last cell prints as JSON after some cells of a page, with other parameters."""
     notebook = nbformat.read(pages.path(paper), 4)
     notebook.cells = [*cells, nbformat.v4.new_code_cell(show)]
-    folder = paths.BUILD / "rows" / paper
+    folder = paths.build() / "rows" / paper
     folder.mkdir(parents=True, exist_ok=True)
     source, made = folder / pages.path(paper).name, folder / "executed.ipynb"
     nbformat.write(notebook, source)
     values |= {"out": str(folder / "out")}
-    papermill.execute_notebook(source, made, values, cwd=paths.NOTEBOOKS, progress_bar=False)
+    papermill.execute_notebook(source, made, values, cwd=paths.notebooks(), progress_bar=False)
     (shown,) = nbformat.read(made, 4).cells[-1].outputs
     return json.loads(shown.text)
 

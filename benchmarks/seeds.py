@@ -33,14 +33,14 @@ def sweep(paper):
     values = "seed=" + ",".join(map(str, SEEDS))
     if status := cli.main(["sweep", paper, values, "--resume"]):
         sys.exit(status)
-    swept = pd.read_csv(paths.BUILD / "sweep" / paper / "seed.csv", dtype=str)
-    own = claims.verdicts(paper, paths.PRODUCTS).rename(columns={"id": "claim"})
+    swept = pd.read_csv(paths.build() / "sweep" / paper / "seed.csv", dtype=str)
+    own = claims.verdicts(paper, paths.products()).rename(columns={"id": "claim"})
     return pd.concat([own.assign(value="own"), swept], ignore_index=True)
 
 
 def single(paper, ids):
     """Verdicts of every seed on some claims of a paper, the committed ones among them."""
-    own = claims.verdicts(paper, paths.PRODUCTS).rename(columns={"id": "claim"})
+    own = claims.verdicts(paper, paths.products()).rename(columns={"id": "claim"})
     found = [own[own["claim"].isin(ids)].assign(value="own")]
     for seed in SEEDS:
         table = pd.DataFrame(rows.verdicts(paper, ids, seed=seed).values()).astype(str)
@@ -102,7 +102,7 @@ def of_tables(paper):
 
 def write_tables(paper):
     """Fly them, and write the file with the numbers of the other papers."""
-    table, file = of_tables(paper), paths.SEEDS.with_name("tables_seeds.csv")
+    table, file = of_tables(paper), paths.seeds().with_name("tables_seeds.csv")
     head = f"# python -m benchmarks.seeds {paper} tables; seeds {FIVE[0]} to {FIVE[-1]}\n"
     if file.is_file():
         lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -153,13 +153,13 @@ def main():
     ids = [word for word in words if word in known]
     papers = [pages.paper_of(word, pages.papers()) for word in words if word not in ids]
     papers = papers or pages.papers()
-    git = ["git", "-C", str(paths.ROOT), "describe", "--always", "--dirty"]
+    git = ["git", "-C", str(paths.root()), "describe", "--always", "--dirty"]
     commit = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
     tables = {paper: single(paper, ids) if ids else sweep(paper) for paper in papers}
     table = counts(tables).merge(together(tables), how="left")
     rows_now = zip(table["paper"], table["claim"], strict=True)
     table["row"] = [claims.row_digest(claims.read(paper)[id]) for paper, id in rows_now]
-    file, said = paths.SEEDS, " ".join(["python -m benchmarks.seeds", *words])
+    file, said = paths.seeds(), " ".join(["python -m benchmarks.seeds", *words])
     before = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
     heads = [line for line in before if line.startswith("#") and words]
     head = "".join(f"{line}\n" for line in [*heads, f"# {said}, at commit {commit}"])

@@ -81,7 +81,7 @@ def write_costs(paper, trials, repeat=5):
     times = [float(f"{cpu_ms(trial, repeat):.3g}") for trial in trials.values()]
     table = pd.DataFrame({"method": [*trials], "cpu_ms": times})
     head = f"# python -m benchmarks.{paper}_cost: one process on {machine()}, least of {repeat}\n"
-    folder = paths.CLAIMS.parent
+    folder = paths.claims().parent
     products.write(folder, {f"{paper}_cost.csv": head.encode() + products.csv(table)})
     return table
 

@@ -281,7 +281,7 @@ def write(name, table, counts=()):
     said = f"{N_TRIALS} trials, seed {SEED}; times on {timing.machine()}"
     head = f"# python -m benchmarks.together: {said}\n"
     text = table.round(4).to_csv(index=False, lineterminator="\n")
-    (paths.CLAIMS.parent / f"{name}.csv").write_text(head + text, encoding="utf-8")
+    (paths.claims().parent / f"{name}.csv").write_text(head + text, encoding="utf-8")
     return table
 
 

@@ -78,9 +78,9 @@ def complaint():
             return f"{name} is not executed; run: tbdcore run {paper} --in-place"
     for about in map(cite.product, cite.ids()):
         for name in about["files"]:
-            if not (paths.PRODUCTS / about["paper"] / name).is_file():
+            if not (paths.products() / about["paper"] / name).is_file():
                 return f"figures/{about['paper']}/{name} is missing; run: {about['remake']}"
-    made = scorecard.files(paths.PRODUCTS, readme=True)
+    made = scorecard.files(paths.products(), readme=True)
     stale = [path.name for path in made if not path.is_file() or path.read_bytes() != made[path]]
     return f"{', '.join(stale)}: not what the verdicts say; run: tbdcore score" if stale else ""
 
@@ -208,7 +208,7 @@ def claims_page(chapters):
     for about in map(cite.product, cite.ids()):
         for claim in about["claims"]:
             shown.setdefault((about["paper"], claim), []).append(about["id"])
-    ledger = scorecard.with_seeds(claims.ledger(paths.PRODUCTS)).itertuples()
+    ledger = scorecard.with_seeds(claims.ledger(paths.products())).itertuples()
     rows = [
         claim_row(chapters[row.paper], row, shown.get((row.paper, row.id), [])) for row in ledger
     ]
@@ -251,7 +251,7 @@ def claim_row(chapter, row, figures):
 
 def index_page():
     """The counts of the scorecard, each a link to its claims, and where the book comes from."""
-    counts = claims.scorecard(paths.PRODUCTS).set_index("paper").filter(like="measured: ")
+    counts = claims.scorecard(paths.products()).set_index("paper").filter(like="measured: ")
     counts = counts.rename(columns=lambda name: name.partition(": ")[2])
     counts.insert(0, "measured", counts.sum(axis=1))
     topics = {paper: about["topic"] for paper, about in cite.papers().items()}
@@ -331,11 +331,11 @@ def stage(folder):
     """The texts of the book in a folder, where the repository has them, with anchors and links."""
     for name in FOLDERS:
         unwanted = shutil.ignore_patterns("*.py", "__pycache__", ".*")
-        shutil.copytree(paths.ROOT / name, folder / name, ignore=unwanted)
+        shutil.copytree(paths.root() / name, folder / name, ignore=unwanted)
     for name in FILES:
-        shutil.copy(paths.ROOT / name, folder / name)
-    cited = clone.citation(paths.CITATION.read_text("utf-8"), clone.find())
-    (folder / paths.CITATION.name).write_text(cited, "utf-8")
+        shutil.copy(paths.root() / name, folder / name)
+    cited = clone.citation(paths.citation().read_text("utf-8"), clone.find())
+    (folder / paths.citation().name).write_text(cited, "utf-8")
     chapters = {paper: Chapter(paper) for paper in pages.notebooks()}
     texts = {f"{name}/README.md": f"# {title}\n\n{{}}" for name, title in TITLES.items()}
     texts = {name: text.format((folder / name).read_text("utf-8")) for name, text in texts.items()}
@@ -347,7 +347,7 @@ def stage(folder):
     made |= {"gallery": gallery_page(folder, chapters), "core": core_page()}
     for name, part in made.items():
         page = (folder / "docs" / f"{name}.md").rename(folder / f"{name}.md")
-        text = scorecard.captions(page.read_text("utf-8"), paths.PRODUCTS)
+        text = scorecard.captions(page.read_text("utf-8"), paths.products())
         texts[f"{name}.md"] = text.replace("<!-- made -->", part)
     for name, text in texts.items():
         (folder / name).write_text(text, "utf-8")
@@ -357,9 +357,9 @@ def build():
     """Put the book into build/book; what is wrong, in a line, or nothing."""
     if wrong := complaint():
         return wrong
-    paths.BUILD.mkdir(exist_ok=True)
-    book, log = paths.BUILD / "book", paths.BUILD / "book.log"
-    with tempfile.TemporaryDirectory(dir=paths.BUILD, prefix="book.") as work:
+    paths.build().mkdir(exist_ok=True)
+    book, log = paths.build() / "book", paths.build() / "book.log"
+    with tempfile.TemporaryDirectory(dir=paths.build(), prefix="book.") as work:
         texts, made = Path(work, "texts"), Path(work, "html")
         texts.mkdir()
         stage(texts)

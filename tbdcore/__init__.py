@@ -33,11 +33,11 @@ def __dir__():
 
 
 def begin(paper, namespace):
-    """Open the run of a notebook; see :func:`tbdcore.repro.run.begin`."""
+    """Open the run of a notebook; see :func:`tbdcore.repro.publish.begin`."""
     _needs_repository()
-    from tbdcore.repro import run
+    from tbdcore.repro import publish
 
-    return run.begin(paper, namespace)
+    return publish.begin(paper, namespace)
 
 
 def page(paper):

@@ -42,34 +42,35 @@ class Result(NamedTuple):
     error: str = ""
 
 
-def run(paper, values, output, *, say=print, resume=False, debug=False):
+def execute(paper, values, output, *, say=print, resume=False, debug=False, came=None):
     """Execute a notebook with checked parameters; returns its :class:`Result`, of a failed run too.
 
     `output` is the path of the executed notebook; `say` gets the lines of progress; `resume` skips
     what is done; `debug` prints the traceback of a run that fails.  KeyboardInterrupt is raised
-    after everything that the run had started has ended.
+    when a signal comes, or is noted in the list `came`, after all that the run had started has
+    ended.
     """
     folder, start = Path(values.get("out") or paths.figures()), time.monotonic()
     result = Result(paper, 0.0, {}, str(folder / paper), str(output))
     if left := _remove_leftovers(folder / paper, output.parent):
         say(f"{paper}: removed what a killed run had left: {', '.join(left)}")
     if resume and done(paper, values, folder):
-        found, summary = counts(paper, folder, values)
+        verdicts, summary = counts(paper, folder, values)
         say(f"{paper}: skipped, its products have these sources and parameters ({summary})")
         kept = str(output) if output.is_file() else ""
-        return result._replace(verdicts=found, skipped=True, notebook=kept)
+        return result._replace(verdicts=verdicts, skipped=True, notebook=kept)
     say(f"{paper}: running")
     try:
-        _execute(paper, values, output, debug)
+        _execute(paper, values, output, debug, came)
     except RuntimeError as error:
         fault = {"status": FAILED, "error": str(error), "notebook": str(_failed_at(output))}
         return result._replace(seconds=round(time.monotonic() - start, 1), **fault)
     result = result._replace(seconds=round(time.monotonic() - start, 1))
-    found, summary = counts(paper, folder, values)
+    verdicts, summary = counts(paper, folder, values)
     if paper in claims.papers():
         say(f"{paper}: {summary}")
     say(f"{paper}: {result.seconds:.0f} s; products in {folder / paper}")
-    return result._replace(verdicts=found)
+    return result._replace(verdicts=verdicts)
 
 
 def tabulate(paper, name, places, folder):
@@ -82,7 +83,7 @@ def tabulate(paper, name, places, folder):
     every = pd.concat(tables, names=["value", None]).reset_index("value")
     every = every.rename(columns={"id": "claim"})
     claim = every.groupby(["claim", "evidence"], sort=False)["verdict"]
-    shares = {v: claim.agg(lambda found, v=v: (found == v).mean()) for v in claims.VERDICTS}
+    shares = {v: claim.agg(lambda given, v=v: (given == v).mean()) for v in claims.VERDICTS}
     shares = claim.size().to_frame("values").assign(**shares).reset_index()
     files = {f"{name}.csv": every[[*TABLE]].reset_index(drop=True), f"{name}_shares.csv": shares}
     products.write(folder, {file: products.csv(frame) for file, frame in files.items()})
@@ -107,12 +108,12 @@ def counts(paper, folder, values):
         return {}, "no claims"
     if few := smaller(paper, values):
         return {}, f"verdicts void: {few}"
-    found = claims.counts(claims.verdicts(paper, folder)).items()
-    found = {name: n for name, n in found if isinstance(n, int) and n and name != "claims"}
-    verdicts = {name[10:]: n for name, n in found.items() if name.startswith("measured: ")}
+    numbers = claims.counts(claims.verdicts(paper, folder)).items()
+    numbers = {name: n for name, n in numbers if isinstance(n, int) and n and name != "claims"}
+    verdicts = {name[10:]: n for name, n in numbers.items() if name.startswith("measured: ")}
     judged = ", ".join(f"{n} {name}" for name, n in verdicts.items())
-    others = [f"{n} {name}" for name, n in found.items() if not name.startswith("measured: ")]
-    return found, ", ".join([f"{sum(verdicts.values())} measured ({judged})", *others])
+    others = [f"{n} {name}" for name, n in numbers.items() if not name.startswith("measured: ")]
+    return numbers, ", ".join([f"{sum(verdicts.values())} measured ({judged})", *others])
 
 
 def smaller(paper, values):
@@ -122,11 +123,11 @@ def smaller(paper, values):
     return ", ".join(f"{name} {values[name]} of {full[name]}" for name in few)
 
 
-def _execute(paper, values, output, debug):
+def _execute(paper, values, output, debug, came=None):
     """Execute a notebook in a child process; RuntimeError when a cell fails or the kernel dies,
     OSError when there is no kernel to run in.
     """
-    place, start = paths.BUILD / f"{paper}.{os.getpid()}.part", time.monotonic()
+    place, start = paths.build() / f"{paper}.{os.getpid()}.part", time.monotonic()
 
     def tick():
         if sys.stderr.isatty():
@@ -137,17 +138,17 @@ def _execute(paper, values, output, debug):
     words = [sys.executable, "-m", "tbdcore.repro.batch", job]
     environment = QUIET_ENVIRONMENT | os.environ | {"JUPYTER_RUNTIME_DIR": str(place)}
     environment["IPYTHONDIR"] = str(place / "ipython")  # no startup file of the user runs
+    environment["TBDCORE_BUILD"] = str(paths.build())
     environment["PYTHONSAFEPATH"] = "1"  # no module is imported from the current folder
     if path := os.environ.get("PYTHONPATH"):  # whose first folder ipykernel drops if it is that
         environment["PYTHONPATH"] = os.pathsep.join([str(place), path])
     try:
         place.mkdir(parents=True)
-        code = processes.call(words, environment, place / "log", tick)
+        code = processes.call(words, environment, place / "log", tick, came)
         _raise_failure(paper, code, place, debug)
     finally:
-        with processes.signals_held():
-            shutil.rmtree(place, ignore_errors=True)
-            _remove_leftovers(Path(values.get("out") or paths.figures()) / paper, output.parent)
+        shutil.rmtree(place, ignore_errors=True)
+        _remove_leftovers(Path(values.get("out") or paths.figures()) / paper, output.parent)
 
 
 def _raise_failure(paper, code, place, debug):
@@ -189,18 +190,19 @@ def _main(paper, values, output, place, parent):
         os.replace(part, output)
         _failed_at(output).unlink(missing_ok=True)
     except Exception as error:
-        code, wrong = FAILED, f"{paper}: {type(error).__name__}: {error}"
+        code, reason = FAILED, f"{paper}: {type(error).__name__}: {error}"
         if isinstance(error, PapermillExecutionError):
             os.replace(part, _failed_at(output))
             said = " ".join(f"cell {error.exec_count}: {error.ename}: {error.evalue}".split())
-            wrong = f"{paper}, {said}; the run is in {_failed_at(output)}"
+            reason = f"{paper}, {said}; the run is in {_failed_at(output)}"
         elif isinstance(error, DeadKernelError):
-            wrong = f"{paper}: the kernel died; run it again"
+            reason = f"{paper}: the kernel died; run it again"
         elif isinstance(error, NoSuchKernel):
-            code, wrong = ENVIRONMENT, "there is no Jupyter kernel python3; tbdcore doctor says how"
+            code = ENVIRONMENT
+            reason = "there is no Jupyter kernel python3; tbdcore doctor says how"
         elif isinstance(error, OSError):
-            code, wrong = ENVIRONMENT, str(error)
-        outcome = json.dumps([wrong, traceback.format_exc()]).encode()
+            code, reason = ENVIRONMENT, str(error)
+        outcome = json.dumps([reason, traceback.format_exc()]).encode()
         products.write(Path(place), {"outcome": outcome})
         sys.exit(code)
     finally:
@@ -214,7 +216,7 @@ def _failed_at(output):
 
 def _remove_leftovers(*folders):
     """Remove what processes that no longer exist were writing; returns the names."""
-    own = [paths.ROOT, paths.NOTEBOOKS, paths.BUILD, paths.BUILD / "pages"]
+    own = [paths.root(), paths.notebooks(), paths.build(), paths.build() / "pages"]
     removed = []
     for file in {file for folder in (*folders, *own) for file in folder.glob("*.part*")}:
         writer = re.search(r"\.(\d+)\.part(\.ipynb)?$", file.name)

@@ -44,12 +44,12 @@ class Change(NamedTuple):
 
 def declared():
     """The rows of declared.csv by paper and id; ValueError as `claims.records` raises."""
-    return claims.records(paths.CLAIMS / "declared.csv", Declared, key=_key)
+    return claims.records(paths.claims() / "declared.csv", Declared, key=_key)
 
 
 def changes():
     """The rows of changes.csv by paper and id; ValueError as `claims.records` raises."""
-    return claims.records(paths.CLAIMS / "changes.csv", Change, _faults, _key)
+    return claims.records(paths.claims() / "changes.csv", Change, _faults, _key)
 
 
 def _key(row):
@@ -73,7 +73,7 @@ def _faults(it):
 
 def declare(paper):
     """Add the rows of a paper that are not there yet to declared.csv; returns how many."""
-    first, file = declared(), paths.CLAIMS / "declared.csv"
+    first, file = declared(), paths.claims() / "declared.csv"
     new = [_declaration(paper, it) for it in claims.read(paper).values()]
     new = [row for row in new if _key(row) not in first]
     text = io.StringIO()
@@ -124,8 +124,8 @@ def _left(change, printed):
         return []
     page, lines = pages.path(change.paper), []
     for number, cell in enumerate(json.loads(page.read_text(encoding="utf-8"))["cells"]):
-        if found := re.search(rf"(?<![\d.])({'|'.join(old)})(?!\.?\d)", "".join(cell["source"])):
-            lines.append(f"{page.name}, cell {number}, still has {found[0]}, of {change.id}")
+        if printed := re.search(rf"(?<![\d.])({'|'.join(old)})(?!\.?\d)", "".join(cell["source"])):
+            lines.append(f"{page.name}, cell {number}, still has {printed[0]}, of {change.id}")
     return lines
 
 

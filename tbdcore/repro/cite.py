@@ -35,11 +35,11 @@ def ids(*papers):
         kind, number, rest = re.fullmatch(r"([a-z_]*)(\d*)(.*)", name).groups()
         return {"fig": 0, "table": 1}.get(kind, 2), kind, int(number or 0), rest
 
-    found = []
+    listed = []
     for paper in papers or pages.notebooks():
         names = [file.stem for file in (paths.figures() / paper).glob("*.json")]
-        found += [f"{paper}/{name}" for name in sorted(names, key=rank)]
-    return found
+        listed += [f"{paper}/{name}" for name in sorted(names, key=rank)]
+    return listed
 
 
 class Retired(NamedTuple):
@@ -59,38 +59,38 @@ def retired():
 
     def faults(it):
         page, instead = (re.fullmatch(r"(\w+)/\w+", id) for id in (it.id, it.instead))
-        made, follows = ((paths.PRODUCTS / f"{id}.json").is_file() for id in (it.id, it.instead))
-        known = page and page[1] in pages.notebooks()
+        made, follows = ((paths.products() / f"{id}.json").is_file() for id in (it.id, it.instead))
+        exists = page and page[1] in pages.notebooks()
         commit = re.fullmatch("[0-9a-f]{7,40}", it.last_commit)
         lost = instead and not follows
         return [
-            ("id", not known, "no id of a figure or table, such as track_cfar/fig05"),
+            ("id", not exists, "no id of a figure or table, such as track_cfar/fig05"),
             ("id", made, "it is still made; delete the row, or the figure"),
             ("last_commit", not commit, "give 7 to 40 hexadecimal digits"),
             ("instead", lost, "not made; give a product's id, words, or nothing"),
         ]
 
-    return claims.records(paths.PRODUCTS / "retired.csv", Retired, faults)
+    return claims.records(paths.products() / "retired.csv", Retired, faults)
 
 
 def product(id):
     """Everything that is known of a product; ValueError, with the nearest id, if there is none."""
-    known = ids()
-    if id not in known:
+    made = ids()
+    if id not in made:
         if id in (old := retired()):
             raise ValueError(str(old[id]))
         advice = f"there are none in {paths.figures()}; make them: tbdcore run"
-        if known:
-            known = [it for it in known if it.startswith(f"{id.partition('/')[0]}/")] or known
-            advice = f"the nearest is {claims.nearest(id, known)!r}; tbdcore cite lists them"
+        if made:
+            made = [it for it in made if it.startswith(f"{id.partition('/')[0]}/")] or made
+            advice = f"the nearest is {claims.nearest(id, made)!r}; tbdcore cite lists them"
         raise ValueError(f"{id!r}: no such figure or table; {advice}")
     return products.record(paths.figures() / f"{id}.json")
 
 
 def files(id):
     """Files of a product by extension."""
-    found = [paths.figures() / f"{id}.{extension}" for extension in KINDS]
-    return {file.suffix[1:]: file for file in found if file.is_file()}
+    candidates = [paths.figures() / f"{id}.{extension}" for extension in KINDS]
+    return {file.suffix[1:]: file for file in candidates if file.is_file()}
 
 
 def text(id, form=""):
@@ -149,7 +149,7 @@ def _latex(about, have):
         body += [r"\smallskip\footnotesize\tabcolsep=3pt", f"\\input{{{_relative(have['tex'])}}}"]
         if _points(have["tex"].read_text(encoding="utf-8")) > COLUMN:
             kind, package = "sidewaystable", "booktabs,rotating"
-    entries = f"\\bibliography{{{_relative(paths.PRODUCTS / 'figures')}}}"
+    entries = f"\\bibliography{{{_relative(paths.products() / 'figures')}}}"
     needs = f"% needs \\usepackage{{{package}}}, and {entries} with \\bibliographystyle{{plain}}"
     inner = "\n  ".join([f"\\begin{{{kind}}}", "\\centering", *body])
     return f"{needs}\n{inner}\n\\end{{{kind}}}\n"
@@ -192,25 +192,25 @@ def paper_entry(paper):
     return _entry("article" if all(fields[name] for name in ARTICLE) else "misc", paper, fields)
 
 
-def repository_entry(known=None, id=""):
+def repository_entry(origin=None, id=""):
     """BibTeX of this repository, from CITATION.cff; of a clone also where it is, and which commit.
 
     `id` is the figure or table that is cited.
     """
     import yaml
 
-    known = known or clone.Clone()
+    origin = origin or clone.Clone()
     try:
-        about = yaml.safe_load(paths.CITATION.read_text(encoding="utf-8"))
+        about = yaml.safe_load(paths.citation().read_text(encoding="utf-8"))
         fields = {"author": " and ".join(map(_name, about["authors"]))}
         fields["title"] = f"{{{products.tex(about['title'])}}}"
     except (yaml.YAMLError, KeyError, TypeError):
-        wrong = "no authors or no title in it; take it from the repository again"
-        raise ValueError(f"{paths.CITATION.name}: {wrong}") from None
+        reason = "no authors or no title in it; take it from the repository again"
+        raise ValueError(f"{paths.citation().name}: {reason}") from None
     kind = "figure" if {"png", "pdf"} & {*files(id)} else "table"
-    note = [known.commit and f"commit {known.commit}", id and f"{kind} {id}"]
+    note = [origin.commit and f"commit {origin.commit}", id and f"{kind} {id}"]
     fields["year"] = str(about.get("date-released", ""))[:4]
-    fields["howpublished"] = _escaped(known.address or about.get("repository-code", ""))
+    fields["howpublished"] = _escaped(origin.address or about.get("repository-code", ""))
     fields["note"] = _escaped(", ".join(filter(None, note)))
     return _entry("misc", "tbdcore", fields | {key: about.get(key) for key in ("version", "doi")})
 
@@ -230,25 +230,25 @@ def entries(page="", id=""):
     """BibTeX as `bibliography`, for a report: with address and commit of the clone if git knows
     them, a line for what it does not know, and the id of what is cited.
     """
-    known = clone.find()
-    said = "".join(f"% {line}\n" for line in known.missing)
-    return f"{said}{bibliography(page, known, id)}"
+    origin = clone.find()
+    said = "".join(f"% {line}\n" for line in origin.missing)
+    return f"{said}{bibliography(page, origin, id)}"
 
 
 def papers():
     """What papers.toml says of each paper; ValueError, naming the file, when it is damaged."""
-    name = paths.BIBLIOGRAPHY.name
+    name = paths.bibliography().name
     try:
-        known = tomllib.loads(paths.BIBLIOGRAPHY.read_text(encoding="utf-8"))
+        tables = tomllib.loads(paths.bibliography().read_text(encoding="utf-8"))
     except ValueError as error:
         raise ValueError(f"{name}: no TOML ({error}); take it from the repository again") from None
     for paper in pages.papers():
-        if not isinstance(known.get(paper), dict):
-            near = f"; is [{claims.nearest(paper, known)}] meant for it?" if known else ""
+        if not isinstance(tables.get(paper), dict):
+            near = f"; is [{claims.nearest(paper, tables)}] meant for it?" if tables else ""
             raise ValueError(f"{name}: there is no table [{paper}]{near}")
-        if missing := [key for key in ("title", "short", "topic") if not known[paper].get(key)]:
+        if missing := [key for key in ("title", "short", "topic") if not tables[paper].get(key)]:
             raise ValueError(f"{name}: table [{paper}] has no {', '.join(missing)}; add it")
-    return {paper: known[paper] for paper in pages.papers()}
+    return {paper: tables[paper] for paper in pages.papers()}
 
 
 def topic(page):
@@ -256,15 +256,15 @@ def topic(page):
     return TOPICS.get(page) or papers()[page]["topic"]
 
 
-def bibliography(page="", known=None, id=""):
+def bibliography(page="", origin=None, id=""):
     """BibTeX of all papers, or of a page's if it has one, and of this repository.
 
     Without a clone and an id it is the same everywhere, as ``figures.bib`` has to be.
     """
     if page:
         pages.path(page)  # there is one
-    found = [paper for paper in pages.papers() if page in ("", paper)]
-    return "\n".join([*map(paper_entry, found), repository_entry(known, id)])
+    listed = [paper for paper in pages.papers() if page in ("", paper)]
+    return "\n".join([*map(paper_entry, listed), repository_entry(origin, id)])
 
 
 def listing():
@@ -349,8 +349,8 @@ def embedded(file):
         tables = (files(id).get("csv") for id in ids())
         same = (table for table in tables if table and table.read_bytes() == content)
         id = next((f"{table.parent.name}/{table.stem}" for table in same), "")
-    elif found := re.search(_PLACES.get(kind, rb"(?!)"), content, re.MULTILINE):
-        *length, text = found.groups()
+    elif mark := re.search(_PLACES.get(kind, rb"(?!)"), content, re.MULTILINE):
+        *length, text = mark.groups()
         id = text[: length[0][0] - len("Title\0") if length else None].decode()
     if id.partition("/")[0] not in pages.notebooks():
         why = "a picture carries its id, a CSV must be one of those in figures/"

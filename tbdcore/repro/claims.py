@@ -146,16 +146,16 @@ class Verdict(NamedTuple):
 def papers(folder=None):
     """Names of the papers that have a claims file."""
     return sorted(
-        {path.stem for path in (folder or paths.CLAIMS).glob("*.csv")} - {"declared", "changes"}
+        {path.stem for path in (folder or paths.claims()).glob("*.csv")} - {"declared", "changes"}
     )
 
 
 def read(paper, folder=None):
     """Claims of a paper by id; ValueError as :func:`records` raises, FileNotFoundError."""
-    path = (folder or paths.CLAIMS) / f"{paper}.csv"
+    path = (folder or paths.claims()) / f"{paper}.csv"
     if not path.is_file():
-        known = ", ".join(papers(folder))
-        raise FileNotFoundError(f"{path.name}: no claims file under data/claims; papers: {known}")
+        listed = ", ".join(papers(folder))
+        raise FileNotFoundError(f"{path.name}: no claims file under data/claims; papers: {listed}")
     claims = records(path, Claim, _claim_faults)
     for number, claim in enumerate(claims.values(), start=2):
         word, _, id = claim.evidence.partition(" ")
@@ -174,38 +174,38 @@ def records(path, kind, faults=lambda row: (), key=lambda row: row.id):
     """
     if not path.is_file():
         return {}
-    found, name, columns = {}, path.name, [*kind._fields]
+    by_key, name, columns = {}, path.name, [*kind._fields]
     header, *rows = _rows(path)
     if header != columns:
         missing = next((column for column in columns if column not in header), "")
-        wrong = f"the columns are {','.join(header)}; make them {','.join(columns)}"
-        raise fault(name, 1, missing, wrong)
+        reason = f"the columns are {','.join(header)}; make them {','.join(columns)}"
+        raise fault(name, 1, missing, reason)
     for number, texts in enumerate(rows, start=2):
         if len(texts) != len(columns):
-            wrong = f"{len(texts)} fields instead of {len(columns)}; quote fields with commas"
-            raise fault(name, number, columns[min(len(texts), len(columns) - 1)], wrong)
+            reason = f"{len(texts)} fields instead of {len(columns)}; quote fields with commas"
+            raise fault(name, number, columns[min(len(texts), len(columns) - 1)], reason)
         row = kind(*texts)
-        for column, wrong, advice in faults(row):
-            if wrong:
+        for column, is_wrong, advice in faults(row):
+            if is_wrong:
                 raise fault(name, number, column, f"{getattr(row, column)!r}; {advice}")
-        if key(row) in found:
+        if key(row) in by_key:
             raise fault(name, number, "", f"{key(row)!r} stands there twice")
-        found[key(row)] = row
-    return found
+        by_key[key(row)] = row
+    return by_key
 
 
-def fault(name, number, column, wrong):
+def fault(name, number, column, reason):
     """The error about a row of a file, with its column if one is named."""
-    return ValueError(f"{name}, row {number}{f', column {column}' if column else ''}: {wrong}")
+    return ValueError(f"{name}, row {number}{f', column {column}' if column else ''}: {reason}")
 
 
 def _rows(path):
     """The rows of a CSV file, the header first, as lists of text."""
     text = path.read_bytes().decode("utf-8", "surrogateescape")
     if odd := re.search("[\ufeff\r\udc80-\udcff]", text):
-        wrong = {"\ufeff": "a byte-order mark", "\r": "CR"}.get(odd[0], "a byte that is not UTF-8")
+        mark = {"\ufeff": "a byte-order mark", "\r": "CR"}.get(odd[0], "a byte that is not UTF-8")
         advice = "save it as plain CSV: UTF-8 without byte-order mark, LF line ends, commas"
-        raise fault(path.name, text.count("\n", 0, odd.start()) + 1, "", f"{wrong}; {advice}")
+        raise fault(path.name, text.count("\n", 0, odd.start()) + 1, "", f"{mark}; {advice}")
     reader = csv.reader(io.StringIO(text), strict=True)
     try:
         return list(reader) or [[]]
@@ -248,15 +248,15 @@ def readings(paper, folder=None):
     """
 
     def faults(it):
-        known, options = papers(folder), _items(it.options)
-        ids = list(read(it.chapter, folder)) if it.chapter in known else []
+        chapters, options = papers(folder), _items(it.options)
+        ids = list(read(it.chapter, folder)) if it.chapter in chapters else []
         lost = [each for each in _items(it.rows) if not any(fnmatchcase(id, each) for id in ids)]
         refuted = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
         good = all(each and each[1] in options and each[1] != it.default for each in refuted)
-        near, claim = nearest(it.chapter, known), nearest("".join(lost[:1]), ids)
+        near, claim = nearest(it.chapter, chapters), nearest("".join(lost[:1]), ids)
         several = len({*options}) >= max(2, len(options))
         return [
-            ("chapter", it.chapter not in known, f"the nearest paper is {near!r}"),
+            ("chapter", it.chapter not in chapters, f"the nearest paper is {near!r}"),
             *_empty(it, "name", "words", "rows"),
             ("options", not several, "give two or more, each once, with ;"),
             ("default", it.default not in options, f"choose one of {it.options}"),
@@ -264,7 +264,7 @@ def readings(paper, folder=None):
             ("refuted", not good, f"write option: reason; one of {it.options}, no default"),
         ]
 
-    path = (folder or paths.CLAIMS).parent / "readings.csv"
+    path = (folder or paths.claims()).parent / "readings.csv"
     listed = records(path, Reading, faults, lambda row: (row.chapter, row.name)).values()
     return {row.name: row for row in listed if row.chapter == paper}
 
@@ -275,18 +275,18 @@ def flown(paper, folder=None):
     From the file beside the folder of the claims, made by ``benchmarks/readings.py``.  ValueError
     as :func:`records` raises.
     """
-    known, path = papers(folder), (folder or paths.CLAIMS).parent / "readings_flown.csv"
+    listed, path = papers(folder), (folder or paths.claims()).parent / "readings_flown.csv"
 
     @functools.cache
     def ids_and_readings(name):
-        return (read(name, folder), readings(name, folder)) if name in known else ({}, {})
+        return (read(name, folder), readings(name, folder)) if name in listed else ({}, {})
 
     def faults(it):
         ids, listed = ids_and_readings(it.paper)
         options = sorted(_options(listed, it.row))
         lost = [each for each in _items(it.reading) if each not in ("default", *options)]
         return [
-            ("paper", it.paper not in known, f"the nearest paper is {nearest(it.paper, known)!r}"),
+            ("paper", it.paper not in listed, f"the nearest is {nearest(it.paper, listed)!r}"),
             ("row", it.row not in ids, f"the nearest claim is {nearest(it.row, ids)!r}"),
             ("reading", lost, f"delete the line; living options are {'; '.join(options)}"),
             *_empty(it, "reading", "measured", "digest"),
@@ -294,11 +294,11 @@ def flown(paper, folder=None):
             ("verdict", it.verdict not in JUDGED or it.verdict == "depends", "no such verdict"),
         ]
 
-    found = {}
+    flown_rows = {}
     for row in records(path, Flown, faults, lambda it: (it.paper, it.row, it.reading)).values():
         if row.paper == paper:
-            found.setdefault(row.row, []).append(row)
-    return found
+            flown_rows.setdefault(row.row, []).append(row)
+    return flown_rows
 
 
 def _options(readings, id):
@@ -400,8 +400,8 @@ def judge(published, half, measured, se, n=None, runs=None, null=None):
     if z > quantile(n):
         return "differs", z
     vacuous = null is not None and _distance(published, half, null, spread) <= quantile(n)
-    known = se <= max(s_p, half / 2)
-    return ("reproduced" if known and not vacuous else "inconclusive"), z
+    precise = se <= max(s_p, half / 2)
+    return ("reproduced" if precise and not vacuous else "inconclusive"), z
 
 
 def _distance(published, half, value, spread):
@@ -466,11 +466,11 @@ class Ledger:
         runs = {numbers(claim.rule).get("runs") for claim in self.claims.values()} - {None}
         self.runs = runs.pop() if len(runs) == 1 else None  # the paper's own, for its orderings
 
-    def named(self, name, known, kind="claim"):
+    def named(self, name, names, kind="claim"):
         """What a name stands for; ValueError, with the nearest one, when it is not known."""
-        if name not in known:
-            raise self._error(f"no {kind} {name!r}; the nearest is {nearest(name, known)!r}")
-        return known[name]
+        if name not in names:
+            raise self._error(f"no {kind} {name!r}; the nearest is {nearest(name, names)!r}")
+        return names[name]
 
     def number(self, id, name):
         """A number of a row's rule; ValueError, with the nearest name, when it has none."""
@@ -571,8 +571,8 @@ class Ledger:
             for it in (self.options(claim), readings)
         )
         if wanted != given:
-            wrong = f"readings.csv has the other options {wanted or 'none'}"
-            raise self._error(f"{claim.id}: {wrong}; given are {given or 'none'}")
+            reason = f"readings.csv has the other options {wanted or 'none'}"
+            raise self._error(f"{claim.id}: {reason}; given are {given or 'none'}")
         options = {(name, it): each[it] for name, each in readings.items() for it in each}
         beyond = apart(options)
         alone = next(iter(readings)) if len(readings) == 1 else ""
@@ -643,8 +643,8 @@ class Ledger:
         if missing := [id for id in self.claims if id not in self.verdicts]:
             count = f"{len(missing)} of {len(self.claims)}"
             raise self._error(f"no verdict on {count} claims: {', '.join(missing)}")
-        if self.strict and (wrong := list(filter(None, map(self._wrong, self.verdicts)))):
-            raise self._error(f"{'; '.join(wrong)}; set data/claims/{self.paper}.csv right")
+        if self.strict and (faults := list(filter(None, map(self._wrong, self.verdicts)))):
+            raise self._error(f"{'; '.join(faults)}; set data/claims/{self.paper}.csv right")
         return pd.DataFrame([self.verdicts[id] for id in self.claims], columns=Verdict._fields)
 
     def _wrong(self, id):
@@ -661,11 +661,11 @@ class Ledger:
 
     def summary(self):
         """One line: how many of each verdict."""
-        found = [row.verdict for row in self.verdicts.values()]
-        return ", ".join(f"{found.count(v)} {v}" for v in VERDICTS if v in found)
+        given = [row.verdict for row in self.verdicts.values()]
+        return ", ".join(f"{given.count(v)} {v}" for v in VERDICTS if v in given)
 
-    def _error(self, wrong):
-        return ValueError(f"{self.paper}: {wrong}")
+    def _error(self, reason):
+        return ValueError(f"{self.paper}: {reason}")
 
     def _open(self, id):
         """The claim of an id that has no verdict yet."""
@@ -685,8 +685,8 @@ def _row(claim, measured="", **texts):
 def published(claim):
     """What a row prints, with its unit behind numbers."""
     number = re.search(r"[\d\]}]$", claim.value)
-    known = claim.unit not in ("", "-", "not printed")
-    return f"{claim.value} {claim.unit}" if number and known else claim.value
+    has_unit = claim.unit not in ("", "-", "not printed")
+    return f"{claim.value} {claim.unit}" if number and has_unit else claim.value
 
 
 def _plain(value):
@@ -696,8 +696,8 @@ def _plain(value):
 def _same(claim, value, unit):
     """Whether a value in a unit is what a row prints: numbers to rounding, all else as text."""
     if unit not in UNITS:
-        known = ", ".join(filter(None, UNITS))
-        raise ValueError(f"{claim.id}: unit {unit!r} is unknown; known are {known}")
+        units = ", ".join(filter(None, UNITS))
+        raise ValueError(f"{claim.id}: unit {unit!r} is unknown; known are {units}")
     try:
         printed, number = parse(claim.value)[0], float(value)
     except (TypeError, ValueError):
@@ -729,21 +729,21 @@ def verdicts(paper, folder=None):
     if not path.is_file():
         raise FileNotFoundError(f"{paper}: no verdicts.csv in {path.parent}; make it with: {again}")
     try:
-        found = records(path, Verdict)
+        judged = records(path, Verdict)
     except ValueError as error:
-        wrong = f"no table of verdicts ({error})"
-        raise ValueError(f"{path}: {wrong}; make it anew: {again}") from None
-    known = read(paper)
-    if list(found) != list(known):
-        odd = ", ".join(sorted({*found} ^ {*known})) or "their order"
+        reason = f"no table of verdicts ({error})"
+        raise ValueError(f"{path}: {reason}; make it anew: {again}") from None
+    rows = read(paper)
+    if list(judged) != list(rows):
+        odd = ", ".join(sorted({*judged} ^ {*rows})) or "their order"
         files = f"verdicts.csv and data/claims/{paper}.csv"
         raise ValueError(f"{paper}: {files} do not match in {odd}; run {again}")
-    for number, (row, claim) in enumerate(zip(found.values(), known.values(), strict=True), 2):
+    for number, (row, claim) in enumerate(zip(judged.values(), rows.values(), strict=True), 2):
         if row.evidence not in ("", claim.evidence) or row.published != published(claim):
             column = "value" if row.published != published(claim) else "evidence"
-            wrong = f"not that of the verdict, {row.published!r}, {row.evidence!r}"
-            raise fault(f"{paper}.csv", number, column, f"{wrong}; correct it, or run {again}")
-    return pd.DataFrame(found.values(), columns=Verdict._fields)
+            reason = f"not that of the verdict, {row.published!r}, {row.evidence!r}"
+            raise fault(f"{paper}.csv", number, column, f"{reason}; correct it, or run {again}")
+    return pd.DataFrame(judged.values(), columns=Verdict._fields)
 
 
 def ledger(folder=None):

@@ -86,30 +86,34 @@ def main(argv=None):
     if argv is None:
         for stream in (sys.stdout, sys.stderr):
             stream.reconfigure(errors="backslashreplace")
-    with processes.signals_to(processes.note):
+    with processes.signals_noted() as came:
         try:
-            with processes.signals_to(processes.interrupt):
-                code = _answer(words)
+            code = _answer(words, came)
         except KeyboardInterrupt:
             code = INTERRUPTED
-        if code == INTERRUPTED or processes.came:
+        if came or code == INTERRUPTED:
             kept = "finished papers are kept, nothing is half written"
             code = report(f"interrupted; {kept}", INTERRUPTED)
             if argv is None:
                 os._exit(code)
-        processes.came.clear()
     return code
 
 
-def _answer(words):
-    """Execute a command and report its error; returns the exit code."""
+def _answer(words, came):
+    """Execute a command, which looks at the signals that came, and report its error; returns the
+    exit code.
+    """
     debug = "--debug" in words
     try:
         arguments = _parse(words)
+        arguments.came = came
         paths.root()
         from tbdcore.repro import commands  # --help does without
 
-        with _folders(getattr(arguments, "figures", None)):
+        processes.look(came)
+        with contextlib.ExitStack() as arguments.until_end:
+            if folder := getattr(arguments, "figures", None):
+                arguments.until_end.enter_context(paths.moved(TBDCORE_FIGURES=_existing(folder)))
             return getattr(commands, f"{arguments.name}_command")(arguments)
     except BrokenPipeError:  # the reader of our output wants no more of it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -124,27 +128,21 @@ def _answer(words):
         return report(error if code else bug, code or FAILED, debug)
 
 
-@contextlib.contextmanager
-def _folders(figures):
-    """The folder of --figures is the one whose products are read; afterwards all are as before."""
-    before = {name: os.environ.get(name, "") for name in ("TBDCORE_FIGURES", "TBDCORE_BUILD")}
-    if figures is not None and not os.path.isdir(figures):
+def _existing(figures):
+    """The folder of --figures; ValueError when there is none."""
+    if not os.path.isdir(figures):
         raise ValueError(f"--figures {figures}: no such folder; give one that holds products")
-    os.environ["TBDCORE_FIGURES"] = figures or before["TBDCORE_FIGURES"]
-    try:
-        yield
-    finally:
-        os.environ.update(before)
+    return figures
 
 
 class _Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, with the nearest valid word to one that is not known."""
 
-    def error(self, message, word="", known=()):
+    def error(self, message, word="", words=()):
         if word:
             from tbdcore.repro.claims import nearest
 
-            message = f"{message}; the nearest is {nearest(word, known)}"
+            message = f"{message}; the nearest is {nearest(word, words)}"
         raise ValueError(f"{message}; see: {self.prog} --help")
 
 
@@ -173,8 +171,8 @@ def _parse(words):
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
         options = arguments.parser._option_string_actions if unknown[0].startswith("-") else ()
-        wrong = f"{' '.join(unknown)}: not understood"
-        arguments.parser.error(wrong, unknown[0] if options else "", options)
+        message = f"{' '.join(unknown)}: not understood"
+        arguments.parser.error(message, unknown[0] if options else "", options)
     return arguments
 
 

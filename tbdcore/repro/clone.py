@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tbdcore.repro import paths
-from tbdcore.repro.processes import signals_held
 
 
 class Clone(NamedTuple):
@@ -32,7 +31,7 @@ def find():
         top = _git("rev-parse", "--show-toplevel")
     except FileNotFoundError:
         return Clone(missing=("no address and no commit: git is not installed",))
-    if not top or not os.path.samefile(top, paths.ROOT):
+    if not top or not os.path.samefile(top, paths.root()):
         return Clone(missing=("no address and no commit: this folder is no git clone",))
     commit, said = _git("rev-parse", "--verify", "-q", "HEAD")[:12], []
     changed = False
@@ -55,63 +54,61 @@ def find():
 def browsable(remote):
     """The page of a remote, without name and password: git@host:a/b.git is https://host/a/b."""
     own = r"(?:[^@/]*@)?([\w.-]+\.\w+)"  # a name, perhaps; the host
-    if found := re.fullmatch(rf"(https?)://{own}(:\d+)?/(.+)", remote):
-        scheme, host, port, path = found.groups(default="")
-    elif found := re.fullmatch(rf"(?:(?:ssh|git)://{own}(?::\d+)?/|{own}:)(?!//)(.+)", remote):
-        scheme, host, port, path = "https", found[1] or found[2], "", found[3]
+    if parts := re.fullmatch(rf"(https?)://{own}(:\d+)?/(.+)", remote):
+        scheme, host, port, path = parts.groups(default="")
+    elif parts := re.fullmatch(rf"(?:(?:ssh|git)://{own}(?::\d+)?/|{own}:)(?!//)(.+)", remote):
+        scheme, host, port, path = "https", parts[1] or parts[2], "", parts[3]
     else:
         return ""
     return f"{scheme}://{host}{port}/{path.strip('/').removesuffix('.git')}"
 
 
-def citation(text, known):
+def citation(text, origin):
     """The text of CITATION.cff with address and commit, as far as they are known."""
     has = text.rstrip("\n").split("\n")
-    new = {"repository-code": known.address, "commit": known.commit}
+    new = {"repository-code": origin.address, "commit": origin.commit}
     new = {key: value for key, value in new.items() if not re.search(rf"(?m)^{key}:", text)}
     return "\n".join([*has, *(f'{key}: "{value}"' for key, value in new.items() if value), ""])
 
 
-def project(text, known):
+def project(text, origin):
     """The text of pyproject.toml with the address as the project's URL, if it is known."""
-    if not known.address or re.search(r"(?m)^\[project\.urls\]", text):
+    if not origin.address or re.search(r"(?m)^\[project\.urls\]", text):
         return text
-    return f'{text}\n[project.urls]\nSource = "{known.address}"\n'
+    return f'{text}\n[project.urls]\nSource = "{origin.address}"\n'
 
 
 def build(folder):
     """Build a wheel and a source distribution that name the address; returns their files."""
-    known, parts = find(), {"CITATION.cff": citation, "pyproject.toml": project}
+    origin, parts = find(), {"CITATION.cff": citation, "pyproject.toml": project}
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as work:
         for name in ("tbdcore", "tests/kernels"):
             unwanted = shutil.ignore_patterns("__pycache__")
-            shutil.copytree(paths.ROOT / name, Path(work, name), ignore=unwanted)
+            shutil.copytree(paths.root() / name, Path(work, name), ignore=unwanted)
         for name in ("README.md", "LICENSE", "LICENSE-TEXT"):
-            shutil.copy(paths.ROOT / name, work)
+            shutil.copy(paths.root() / name, work)
         for name, change in parts.items():
-            text = (paths.ROOT / name).read_text(encoding="utf-8")
-            Path(work, name).write_text(change(text, known), encoding="utf-8")
+            text = (paths.root() / name).read_text(encoding="utf-8")
+            Path(work, name).write_text(change(text, origin), encoding="utf-8")
         code = "import sys; from flit_core import buildapi; "
         code += "print(*(f(sys.argv[1]) for f in (buildapi.build_wheel, buildapi.build_sdist)))"
         command = [sys.executable, "-c", code, str(folder)]
-        with signals_held():
-            made = subprocess.run(command, cwd=work, capture_output=True, text=True, check=True)
-    return [folder / name for name in made.stdout.split()], known
+        made = subprocess.run(command, cwd=work, capture_output=True, text=True, check=True)
+    return [folder / name for name in made.stdout.split()], origin
 
 
 def _git(*words):
     """What git prints for the repository, empty when it fails; FileNotFoundError without git."""
     own = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
     own |= {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
-    command = ["git", "-C", str(paths.ROOT), *words]
-    with signals_held():
-        done = subprocess.run(command, env=own, capture_output=True, text=True, errors="replace")
+    command = ["git", "-C", str(paths.root()), *words]
+    done = subprocess.run(command, env=own, capture_output=True, text=True, errors="replace")
     return "" if done.returncode else done.stdout.strip()
 
 
 if __name__ == "__main__":
-    made, known = build(paths.BUILD / "dist")
-    for line in known.missing:
+    made, origin = build(paths.build() / "dist")
+    for line in origin.missing:
         print(f"clone: {line}", file=sys.stderr)
-    print(*(file.relative_to(paths.ROOT) for file in made), sep="\n")
+    print(*(file.relative_to(paths.root()) for file in made), sep="\n")

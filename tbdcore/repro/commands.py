@@ -3,13 +3,23 @@
 import ast
 import contextlib
 import json
-import os
 import sys
 import textwrap
 from functools import partial
 from pathlib import Path
 
-from tbdcore.repro import batch, changes, cite, claims, new, pages, paths, products, trials
+from tbdcore.repro import (
+    batch,
+    changes,
+    cite,
+    claims,
+    new,
+    pages,
+    paths,
+    processes,
+    products,
+    trials,
+)
 from tbdcore.repro.exits import ENVIRONMENT, FAILED, GOOD, INTERRUPTED, CheckFailed, report
 
 
@@ -22,14 +32,15 @@ def run_command(arguments):
     _prepare(arguments)
     jobs = {paper: _values(paper, arguments) for paper in map(pages.paper_of, named)}
     _find_clusters([*jobs], jobs.values(), arguments)
-    status, folder = GOOD, paths.BUILD / "quick" if arguments.quick else paths.BUILD
+    status, folder = GOOD, paths.build() / "quick" if arguments.quick else paths.build()
     for paper, values in jobs.items():
+        processes.look(arguments.came)
         result = _run(paper, values, folder, arguments)
         if arguments.in_place and result.status == GOOD:
             output = Path(result.notebook)
             notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
             text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
-            products.write(paths.NOTEBOOKS, {output.name: text.encode()})
+            products.write(paths.notebooks(), {output.name: text.encode()})
         status = max(status, result.status)
     return status
 
@@ -40,10 +51,11 @@ def stamp_command(arguments):
 
     papers, status = arguments.papers or pages.notebooks(), GOOD
     for paper in map(pages.paper_of, papers):
+        processes.look(arguments.came)
         try:
-            how = {"debug": arguments.debug}
+            how = {"debug": arguments.debug, "came": arguments.came}
             renewed = stamps.renew(paper, how) if stamps.stale(paper) else []
-            stamps.fly_again(paper)
+            stamps.fly_again(paper, arguments.came)
             print(f"{paper}: {len(renewed)} stamps renewed" if renewed else f"{paper}: as they are")
         except CheckFailed as error:
             status = report(error, FAILED)
@@ -53,22 +65,23 @@ def stamp_command(arguments):
 def sweep_command(arguments):
     """Execute one notebook for each value of a parameter, and put the verdicts into tables."""
     paper, runs = pages.paper_of(arguments.paper, pages.papers()), {}
-    (name, _, text), known = arguments.values.partition("="), pages.parameters(paper)
+    (name, _, text), parameters = arguments.values.partition("="), pages.parameters(paper)
     if not text:
         advice = "write the parameter and its values as name=v1,v2"
         raise ValueError(f"sweep {arguments.values}: {advice}")
     if name in pages.EXECUTION:
         raise ValueError(f"sweep {name}: it cannot change a result; sweep another parameter")
     _prepare(arguments)
-    for value in text.split(";" if name in known and known[name].type == "list" else ","):
+    for value in text.split(";" if name in parameters and parameters[name].type == "list" else ","):
         values = _values(paper, arguments, f"{name}={value}")
         if any(values[name] == earlier[name] for earlier in runs.values()):
             raise ValueError(f"sweep {name}: {value} is given twice; give each value once")
         runs[value] = values
     _find_clusters([paper], runs.values(), arguments)
-    folder = pages.usable(arguments.out) if arguments.out else paths.BUILD / "sweep" / paper
+    folder = pages.usable(arguments.out) if arguments.out else paths.build() / "sweep" / paper
     status, done = GOOD, {}
     for number, (value, values) in enumerate(runs.items(), start=1):
+        processes.look(arguments.came)
         arguments.say(f"{name} = {value} ({number} of {len(runs)})")
         place = folder / f"{name}={value}"
         result = _run(paper, values | {"out": str(place)}, place, arguments)
@@ -86,21 +99,22 @@ def _prepare(arguments):
     written, a folder in that of --out takes its place.
     """
     arguments.say = partial(print, file=sys.stderr if arguments.json else sys.stdout, flush=True)
-    closed = paths.BUILD
+    closed = paths.build()
     if paths.writable(closed):
         return
     if not arguments.out:
         raise OSError(f"{closed} cannot be written; name a folder: --out DIR")
-    os.environ["TBDCORE_BUILD"] = str(pages.usable(arguments.out) / "build")
-    arguments.say(f"{closed} cannot be written; executed notebooks go to {paths.BUILD}")
+    build = str(pages.usable(arguments.out) / "build")
+    arguments.until_end.enter_context(paths.moved(TBDCORE_BUILD=build))
+    arguments.say(f"{closed} cannot be written; executed notebooks go to {paths.build()}")
 
 
 def _run(paper, values, folder, arguments):
     """Execute a notebook into a folder and report; returns the result."""
     output = folder / pages.path(paper).name
-    how = {name: getattr(arguments, name) for name in ("say", "resume", "debug")}
+    how = {name: getattr(arguments, name) for name in ("say", "resume", "debug", "came")}
     try:
-        result = batch.run(paper, values, output, **how)
+        result = batch.execute(paper, values, output, **how)
     except KeyboardInterrupt:
         if arguments.json:
             ended = {"paper": paper, "status": INTERRUPTED, "error": "interrupted"}
@@ -115,13 +129,13 @@ def _run(paper, values, folder, arguments):
 
 def _values(paper, arguments, *more):
     """The parameters that the command line sets, checked with claims file and output folder."""
-    known = pages.parameters(paper)
+    parameters = pages.parameters(paper)
     if pages.has_ledger(paper):
         claims.read(paper)
     values = {}
     if arguments.quick:
-        values = {name: one.quick for name, one in known.items() if one.quick is not None}
-        values["out"] = str(paths.BUILD / "quick")
+        values = {name: one.quick for name, one in parameters.items() if one.quick is not None}
+        values["out"] = str(paths.build() / "quick")
     given = {name: getattr(arguments, name) for name in pages.EXECUTION}
     given = {name: value for name, value in given.items() if value is not None}
     for text in (*arguments.p, *more):
@@ -130,11 +144,11 @@ def _values(paper, arguments, *more):
             raise ValueError(f"-p {text}: write -p name=value")
         if name in given:
             raise ValueError(f"parameter {name} is given twice; give it once")
-        given[name] = _literal(value, known[name].type if name in known else "str")
+        given[name] = _literal(value, parameters[name].type if name in parameters else "str")
     values = pages.validate(paper, values | given)
     if pages.changed(paper, values) and not values.get("out"):
-        values["out"] = str(paths.BUILD / "run")
-    paths.BUILD.mkdir(exist_ok=True)
+        values["out"] = str(paths.build() / "run")
+    paths.build().mkdir(exist_ok=True)
     folder = pages.destination(paper, values)
     return values | {"out": str(folder)} if values.get("out") else values
 
@@ -157,7 +171,8 @@ def _literal(text, kind):
 def _find_clusters(papers, jobs, arguments):
     """Say what the dask clusters that some sets of parameters name have."""
     for address in {values.get("scheduler", "") for values in jobs} - {""}:
-        workers, threads = trials.cluster(address, papers)
+        connect = partial(trials.cluster, address, papers)
+        workers, threads = processes.wait(connect, arguments.came)
         arguments.say(f"scheduler {address}: workers {workers}, threads {threads}")
 
 
@@ -185,11 +200,11 @@ def score_command(arguments):
     if changed:
         count = f"{len(changed)} verdicts are not those of the last scorecard"
         raise CheckFailed(f"{count}: {'; '.join(changed)}")
-    wrong = changes.complaints(None if arguments.figures else every)
+    faults = changes.complaints(None if arguments.figures else every)
     other = "seeds.csv has judged another value or rule; make it anew: python -m benchmarks.seeds"
-    wrong += [f"{other} {words}" for words in old]
-    if wrong:
-        raise CheckFailed("; ".join(wrong))
+    faults += [f"{other} {words}" for words in old]
+    if faults:
+        raise CheckFailed("; ".join(faults))
     return GOOD
 
 
@@ -197,7 +212,7 @@ def cite_command(arguments):
     """What a report needs of a figure or table; the ids of a paper's, or of all."""
     id, form = arguments.id, arguments.form
     _, slash, name = id.rpartition("/")
-    if named := [known for known in cite.ids() if known.endswith(f"/{id}")]:
+    if named := [each for each in cite.ids() if each.endswith(f"/{id}")]:
         raise ValueError(f"{id}: give one of {', '.join(named)}")
     if slash and not name.endswith(".ipynb"):
         print(cite.text(_id(id), form), end="")
@@ -271,7 +286,7 @@ def list_command(arguments):
 def new_command(arguments):
     """Write the files of a chapter to begin with."""
     for path in new.create(arguments.key):
-        print(path.relative_to(paths.ROOT).as_posix())
+        print(path.relative_to(paths.root()).as_posix())
     return GOOD
 
 
@@ -280,7 +295,7 @@ def doctor_command(arguments):
     from tbdcore.repro import doctor
 
     status = GOOD
-    for good, line in doctor.examine():
+    for good, line in doctor.examine(arguments.came):
         if good:
             print(line, flush=True)
         else:

@@ -16,25 +16,27 @@ import numpy as np
 from packaging.requirements import Requirement
 
 from tbdcore.kernels import track_cfar
-from tbdcore.repro import paths, trials
+from tbdcore.repro import paths, processes, trials
 
 NAMES = "doctor", "self-test"  # of its random streams
 STREAM = 0x052D27BA31D1AF10  # first output of the stream (seed 20, trial 0)
 PYTHON = shlex.quote(sys.executable)
 
 
-def examine():
-    """Every check in turn; yields (good, line)."""
+def examine(came=()):
+    """Every check in turn; yields (good, line).  KeyboardInterrupt when a signal is noted in
+    `came`.
+    """
     for title, check in CHECKS.items():
         try:
-            good, found = check()
+            good, line = processes.wait(check, came)
         except Exception as error:  # the check itself failed
-            good, found = False, f"{type(error).__name__}: {error}; {_install()}"
-        yield good, f"{title}: {found}"
+            good, line = False, f"{type(error).__name__}: {error}; {_install()}"
+        yield good, f"{title}: {line}"
 
 
 def _install():
-    lock = shlex.quote(str(paths.LOCK))
+    lock = shlex.quote(str(paths.lock()))
     return f"run: {PYTHON} -m pip install --require-hashes --no-deps -r {lock}"
 
 
@@ -47,26 +49,26 @@ def locked(text):
 
 def packages():
     """Every distribution against the lock."""
-    wanted, wrong = locked(paths.LOCK.read_text(encoding="utf-8")), []
+    wanted, others = locked(paths.lock().read_text(encoding="utf-8")), []
     for name, version in wanted.items():
         have = "missing"
         with contextlib.suppress(metadata.PackageNotFoundError):
             have = metadata.version(name)
         if have != version:
-            wrong.append(f"{name} is {have}, the lock has {version}")
-    if wrong:
-        more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
-        return False, f"{', '.join(wrong[:3])}{more}; {_install()}"
-    python, lock = sys.version.split()[0], paths.LOCK.name
+            others.append(f"{name} is {have}, the lock has {version}")
+    if others:
+        more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+        return False, f"{', '.join(others[:3])}{more}; {_install()}"
+    python, lock = sys.version.split()[0], paths.lock().name
     return True, f"Python {python}, {len(wanted)} distributions as in {lock}"
 
 
 def line_ends():
     """Line ends of what the harness and the scripts read: a checkout with CRLF is refused later."""
-    read = [*paths.CLAIMS.parent.rglob("*.csv"), *paths.PRODUCTS.glob("*/verdicts.csv")]
-    read += [file for file in paths.ROOT.joinpath(".ci").glob("*") if file.is_file()]
-    if wrong := sorted(file for file in read if b"\r\n" in file.read_bytes()):
-        files = f"{wrong[0].relative_to(paths.ROOT)} and {len(wrong) - 1} more files"
+    read = [*paths.claims().parent.rglob("*.csv"), *paths.products().glob("*/verdicts.csv")]
+    read += [file for file in paths.root().joinpath(".ci").glob("*") if file.is_file()]
+    if with_crlf := sorted(file for file in read if b"\r\n" in file.read_bytes()):
+        files = f"{with_crlf[0].relative_to(paths.root())} and {len(with_crlf) - 1} more files"
         what = "have CRLF line ends, so that claims cannot be read and .ci does not run"
         return False, f"{files} {what}; clone again: git clone -c core.autocrlf=false ADDRESS"
     return True, f"LF in {len(read)} tables and scripts"
@@ -88,7 +90,7 @@ def jupyter_kernel():
 def folders():
     """The folders that runs write into."""
     elsewhere = "give runs another folder: tbdcore run --out DIR"
-    places = dict.fromkeys((paths.figures(), paths.BUILD), elsewhere)
+    places = dict.fromkeys((paths.figures(), paths.build()), elsewhere)
     places[Path(gettempdir())] = "name another folder: TMPDIR=DIR"
     for place, advice in places.items():
         if not paths.writable(place):
@@ -102,15 +104,15 @@ def self_test():
     # covariance of a white acceleration of density q: q T^3/3, q T^2/2, q T
     _, P = track_cfar.predict_cv(np.zeros(4), np.zeros((4, 4)), 2.0, 3.0)
     one, two = (trials.run(_draw, 64, seed=20, workers=workers) for workers in (1, 2))
-    known = {
+    results = {
         "a random stream": first == STREAM,
         "a compiled kernel": np.array_equal(P[:2], [[8.0, 6.0, 0.0, 0.0], [6.0, 6.0, 0.0, 0.0]]),
         "one process against two": one.tobytes() == two.tobytes(),
     }
-    if wrong := ", ".join(name for name, good in known.items() if not good):
+    if failed := ", ".join(name for name, good in results.items() if not good):
         cache = f"{paths.PACKAGE}/__pycache__"
-        return False, f"{wrong}: not the known result; remove {cache}, then {_install()}"
-    return True, f"{', '.join(known)}: the known results"
+        return False, f"{failed}: not the known result; remove {cache}, then {_install()}"
+    return True, f"{', '.join(results)}: the known results"
 
 
 def _draw(seed, i):

@@ -194,14 +194,14 @@ class Portfolio:
 
     def _id(self, name, caption):
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-            wrong = "is no name; use small letters, digits and underscores"
+            reason = "is no name; use small letters, digits and underscores"
         elif f"{name}.json" in self.files:
-            wrong = "is saved twice; give every figure and table its own name"
+            reason = "is saved twice; give every figure and table its own name"
         elif not caption:
-            wrong = "has no caption; say what it shows"
+            reason = "has no caption; say what it shows"
         else:
             return f"{self.paper}/{name}"
-        raise ValueError(f"{self.paper}: product {name!r} {wrong}")
+        raise ValueError(f"{self.paper}: product {name!r} {reason}")
 
     def _json(self, id, caption, claims):
         stem = id.partition("/")[2]

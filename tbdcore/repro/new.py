@@ -13,12 +13,13 @@ def files(paper):
 
     ValueError when the name is no key, or already that of a chapter or of its claims.
     """
-    known = [*pages.notebooks(), *claims.papers()]
+    chapters = [*pages.notebooks(), *claims.papers()]
     if not re.fullmatch(r"[a-z][a-z0-9_]*", paper):
         raise ValueError(f"{paper!r}: no name of a paper; use small letters, digits, underscores")
-    if paper in known or re.search(rf"(?m)^\[{paper}\]", paths.BIBLIOGRAPHY.read_text("utf-8")):
+    bibliography = paths.bibliography().read_text(encoding="utf-8")
+    if paper in chapters or re.search(rf"(?m)^\[{paper}\]", bibliography):
         raise ValueError(f"{paper}: there is such a chapter; choose another name")
-    text = (paths.ROOT / "docs" / "add_a_paper.md").read_text(encoding="utf-8")
+    text = (paths.root() / "docs" / "add_a_paper.md").read_text(encoding="utf-8")
     text = re.sub(rf"\b{EXAMPLE}\b", paper, text)
     blocks = re.findall(r"^```(\w+) ?([\w-]*)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     (rows,) = [block for kind, _, block in blocks if kind == "text"]
@@ -35,9 +36,9 @@ def files(paper):
     notebook = {"cells": cells} | about
     number = 1 + max(int(pages.path(page).stem[:2]) for page in pages.notebooks())
     return {
-        paths.CLAIMS / f"{paper}.csv": rows,
-        paths.BIBLIOGRAPHY: f"{paths.BIBLIOGRAPHY.read_text('utf-8').rstrip()}\n\n{table}",
-        paths.NOTEBOOKS / f"{number:02d}_{paper}.ipynb": json.dumps(notebook, indent=1) + "\n",
+        paths.claims() / f"{paper}.csv": rows,
+        paths.bibliography(): f"{bibliography.rstrip()}\n\n{table}",
+        paths.notebooks() / f"{number:02d}_{paper}.ipynb": json.dumps(notebook, indent=1) + "\n",
     }
 
 

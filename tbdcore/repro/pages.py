@@ -57,16 +57,16 @@ class Parameter:
             with contextlib.suppress(OverflowError, ValueError):  # papermill writes 1000 as 1e3
                 value = kind(value) if kind(value) == value else value
         if type(value) is not kind:
-            wrong = f"is {type(value).__name__}; give {self.type}, like {self.default!r}"
+            reason = f"is {type(value).__name__}; give {self.type}, like {self.default!r}"
         elif not all(map(self._inside, value if kind is list else [value])):
-            wrong = f"is out of range; give {self.meaning}, in {self.range()}"
+            reason = f"is out of range; give {self.meaning}, in {self.range()}"
         elif self.choices and value not in self.choices:
-            wrong = f"is none of {', '.join(map(repr, self.choices))}"
+            reason = f"is none of {', '.join(map(repr, self.choices))}"
         elif self.increasing and (not value or any(a >= b for a, b in itertools.pairwise(value))):
-            wrong = "does not increase; give at least one number, the smallest first"
+            reason = "does not increase; give at least one number, the smallest first"
         else:
             return value
-        raise ValueError(f"parameter {self.name}: {shown} {wrong}")
+        raise ValueError(f"parameter {self.name}: {shown} {reason}")
 
     def range(self):
         """The range as it is written in the cell."""
@@ -88,7 +88,7 @@ class Parameter:
 
 def _notebooks():
     """Every notebook by the name of its paper, in their order."""
-    return {file.stem[3:]: file for file in sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))}
+    return {file.stem[3:]: file for file in sorted(paths.notebooks().glob("[0-9][0-9]_*.ipynb"))}
 
 
 def papers():
@@ -106,25 +106,25 @@ def has_ledger(paper):
     return any("publish(ledger)" in cell for cell in cells(paper))
 
 
-def paper_of(word, known=None):
+def paper_of(word, choices=None):
     """The paper that a word names: ``dp_tbd``, ``01``, ``notebooks/01_dp_tbd.ipynb``; ValueError,
-    with the nearest of the `known` ones, when there is none.
+    with the nearest of the `choices`, when there is none.
     """
-    known, names = known or notebooks(), {}
-    for paper in known:
+    choices, names = choices or notebooks(), {}
+    for paper in choices:
         stem = path(paper).stem
         names |= dict.fromkeys((paper, stem, stem[:2], stem[:2].lstrip("0") or "0"), paper)
     if (name := Path(word).name.removesuffix(".ipynb")) in names:
         return names[name]
     near = nearest(name, [it for it in names if len(it) > 1], cutoff=0.6)
     near = f"the nearest is {near!r} of " if near else "there are "
-    raise ValueError(f"paper {word!r}: there is no such notebook; {near}{', '.join(known)}")
+    raise ValueError(f"paper {word!r}: there is no such notebook; {near}{', '.join(choices)}")
 
 
 def path(paper):
     """The notebook of a paper; raises ValueError, with the nearest name, when there is none."""
-    known = _notebooks()
-    return known[paper if paper in known else paper_of(paper)]
+    files = _notebooks()
+    return files[paper if paper in files else paper_of(paper)]
 
 
 def cells(paper, tag=None):
@@ -135,8 +135,8 @@ def cells(paper, tag=None):
     try:
         code = _code(file.read_text(encoding="utf-8"))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        wrong = f"no notebook ({type(error).__name__}: {error})"
-        raise ValueError(f"{file.name}: {wrong}; take it from the repository again") from None
+        reason = f"no notebook ({type(error).__name__}: {error})"
+        raise ValueError(f"{file.name}: {reason}; take it from the repository again") from None
     return [source for source, tags in code if tag is None or tag in tags]
 
 
@@ -162,7 +162,7 @@ def page(paper):
             return sys.modules[name]
         reached = reach.of_code(source)  # what its kernels compile goes along
         key = products.digest([source.encode(), repr(reached).encode()])
-        file = paths.BUILD / "pages" / f"{paper}_{key}.py"  # for Numba's cache and tracebacks
+        file = paths.build() / "pages" / f"{paper}_{key}.py"  # for Numba's cache and tracebacks
         if not file.is_file():
             if not paths.writable(file.parent):
                 file = Path(tempfile.mkdtemp(prefix="tbdcore_"), file.name)
@@ -177,12 +177,12 @@ def page(paper):
 
 def parameters(paper):
     """The parameters of a notebook by name, read from its cell without running it."""
-    found = cells(paper, "parameters")
-    if len(found) != 1:
-        wrong = f"{len(found)} cells are tagged 'parameters'; there must be one"
-        raise ValueError(f"{path(paper).name}: {wrong}")
+    tagged = cells(paper, "parameters")
+    if len(tagged) != 1:
+        reason = f"{len(tagged)} cells are tagged 'parameters'; there must be one"
+        raise ValueError(f"{path(paper).name}: {reason}")
     try:
-        lines = [_parameter(node, found[0].splitlines()) for node in ast.parse(found[0]).body]
+        lines = [_parameter(node, tagged[0].splitlines()) for node in ast.parse(tagged[0]).body]
     except (ValueError, SyntaxError, AttributeError, TypeError) as error:
         raise ValueError(f"{path(paper).name}: its parameters cell is damaged: {error}") from None
     return {parameter.name: parameter for parameter in lines}
@@ -209,19 +209,19 @@ def _parameter(node, lines):
 
 def validate(paper, given):
     """The given parameters, coerced; ValueError for an unknown name or a value that is bad."""
-    known = parameters(paper)
+    declared = parameters(paper)
     for name in given:
-        if name not in known:
-            advice = f"the nearest is {nearest(name, known)!r}"
+        if name not in declared:
+            advice = f"the nearest is {nearest(name, declared)!r}"
             raise ValueError(f"parameter {name!r}: {paper} has none of this name; {advice}")
-    return {name: known[name].coerce(value) for name, value in given.items()}
+    return {name: declared[name].coerce(value) for name, value in given.items()}
 
 
 def changed(paper, values):
     """The values that are not the defaults, of parameters that can change a result."""
-    known = parameters(paper)
+    declared = parameters(paper)
     settings = {name: value for name, value in values.items() if name not in EXECUTION}
-    return {name: value for name, value in settings.items() if value != known[name].default}
+    return {name: value for name, value in settings.items() if value != declared[name].default}
 
 
 def provenance(paper, values):
@@ -241,9 +241,9 @@ def destination(paper, values):
     get products of other parameters than the defaults, or like :func:`usable`.
     """
     folder = usable(values.get("out") or paths.figures())
-    if changed(paper, values) and folder == paths.PRODUCTS.resolve():
-        wrong = "the repository's figures are for default parameters"
-        raise ValueError(f"{paper}, output folder {folder}: {wrong}; give another: build/try")
+    if changed(paper, values) and folder == paths.products().resolve():
+        reason = "the repository's figures are for default parameters"
+        raise ValueError(f"{paper}, output folder {folder}: {reason}; give another: build/try")
     return folder
 
 

@@ -2,26 +2,18 @@
 
 The repository is the folder that the environment variable ``TBDCORE_REPOSITORY`` names; else the
 one that this package is installed from, in place; else the current folder or the nearest of its
-parents.  It holds ``notebooks/`` and ``data/papers.toml``.  Without one, every path but ``PACKAGE``
-raises OSError.  ``TBDCORE_FIGURES`` moves the products of default runs, ``TBDCORE_BUILD`` the rest.
+parents.  It holds ``notebooks/`` and ``data/papers.toml``.  Without one, all but ``PACKAGE`` raise
+OSError.  ``TBDCORE_FIGURES`` moves the products of default runs, ``TBDCORE_BUILD`` the rest; a
+command moves them for itself alone with :func:`moved`.
 """
 
+import contextlib
 import os
+from contextvars import ContextVar
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]  # the modules themselves, wherever they are installed
-PLACES = {
-    "ROOT": ".",
-    "NOTEBOOKS": "notebooks",  # NN_<paper>.ipynb, committed executed
-    "BIBLIOGRAPHY": "data/papers.toml",
-    "CLAIMS": "data/claims",  # <paper>.csv: what the papers publish
-    "SEEDS": "data/seeds.csv",  # the verdicts under other seeds
-    "PRODUCTS": "figures",  # <paper>/fig05.pdf and its kin: the committed products
-    "LOCK": "environment.txt",
-    "README": "README.md",
-    "CITATION": "CITATION.cff",
-    "BUILD": "build",  # everything that is neither source nor product
-}
+_MOVED = ContextVar("folders that the present command has moved, by variable", default={})  # noqa: B039
 
 
 def root():
@@ -36,17 +28,71 @@ def root():
     raise OSError(f"this needs the repository, and {where}; {advice}")
 
 
-def __getattr__(name):
-    if name == "BUILD" and os.environ.get("TBDCORE_BUILD"):
-        return Path(os.environ["TBDCORE_BUILD"]).resolve()
-    if name in PLACES:
-        return root() / PLACES[name]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def notebooks():
+    """Folder of the notebooks, ``NN_<paper>.ipynb``, committed executed."""
+    return root() / "notebooks"
+
+
+def bibliography():
+    """File with what is known of the papers."""
+    return root() / "data" / "papers.toml"
+
+
+def claims():
+    """Folder of what the papers publish, ``<paper>.csv``."""
+    return root() / "data" / "claims"
+
+
+def seeds():
+    """File with the verdicts under other seeds."""
+    return root() / "data" / "seeds.csv"
+
+
+def products():
+    """Folder of the committed products, ``<paper>/fig05.pdf`` and its kin."""
+    return root() / "figures"
+
+
+def lock():
+    """File with the version of every distribution."""
+    return root() / "environment.txt"
+
+
+def readme():
+    """The README; it has the table of the papers."""
+    return root() / "README.md"
+
+
+def citation():
+    """File that says how to cite the repository."""
+    return root() / "CITATION.cff"
 
 
 def figures():
-    """The folder of the committed products, or the one that TBDCORE_FIGURES names."""
-    return Path(os.environ.get("TBDCORE_FIGURES") or root() / PLACES["PRODUCTS"]).resolve()
+    """Folder of the products that are read, and that default runs write."""
+    moved_to = _named("TBDCORE_FIGURES")
+    return Path(moved_to or products()).resolve()
+
+
+def build():
+    """Folder of everything that is neither source nor product."""
+    moved_to = _named("TBDCORE_BUILD")
+    return Path(moved_to).resolve() if moved_to else root() / "build"
+
+
+def _named(variable):
+    """The folder that the present command, or an environment variable, has named; or nothing."""
+    return _MOVED.get().get(variable) or os.environ.get(variable)
+
+
+@contextlib.contextmanager
+def moved(**folders):
+    """Other folders until the block is done: ``moved(TBDCORE_FIGURES="elsewhere")``."""
+    token = _MOVED.set(_MOVED.get() | folders)
+    try:
+        yield
+    finally:
+        _MOVED.reset(token)
 
 
 def writable(folder):

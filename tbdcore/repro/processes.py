@@ -1,49 +1,42 @@
 """Signals that ask a command to end, and its processes, of which none outlives it.
 
-The first signal raises KeyboardInterrupt in the main thread; later ones change nothing.  While
-:func:`call` waits for a process the handler only notes, and the loop looks: an exception inside
-``subprocess`` would leave its lock taken, and the next wait would not end.  Python loses an
-exception that is raised in a finalizer, so :data:`came` keeps the signals as well.
+A handler only notes a signal in a list; loops look at it, and raise KeyboardInterrupt where all
+that has been begun is in order.  An exception raised by the handler could leave a lock of
+``subprocess`` taken, so that the next wait would not end, or be lost in a finalizer.
 """
 
 import contextlib
+import contextvars
 import os
 import signal
 import subprocess
 import threading
 import time
+from concurrent import futures
 
 ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 GRACE_PERIOD = 2  # seconds that a process has to end before it is killed
 POLL_INTERVAL = 0.5  # seconds between two looks at a process that runs
-came: list = []  # signals that have asked the present command to end
-
-
-def note(number, frame):
-    """A signal handler that only notes the signal in :data:`came`."""
-    came.append(number)
-
-
-def interrupt(number, frame):
-    """A signal handler: the first signal raises KeyboardInterrupt, all are noted."""
-    came.append(number)
-    if len(came) == 1:
-        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager
-def signals_to(handler):
-    """Signals that ask the run to end go to a handler until the block is done.
+def signals_noted(came=None):
+    """Signals that ask the run to end are noted in a list, a new one if none is given, which is
+    the value of the block.
 
     They reach the main thread only; one that the caller ignores (nohup) stays ignored.
     """
-    before = {}
+    came, before = [] if came is None else came, {}
+
+    def note(number, frame):
+        came.append(number)
+
     with contextlib.suppress(ValueError):  # not the main thread
         for number in ENDING:
             if signal.getsignal(number) != signal.SIG_IGN:
-                before[number] = signal.signal(number, handler)
+                before[number] = signal.signal(number, note)
     try:
-        yield
+        yield came
     finally:
         for number, earlier in before.items():
             signal.signal(number, earlier or signal.SIG_DFL)
@@ -52,29 +45,51 @@ def signals_to(handler):
 @contextlib.contextmanager
 def signals_held():
     """Hold back signals that ask the run to end until the block is done."""
-    held = []
+    came = []
     try:
-        with signals_to(lambda *event: held.append(event[0])):
+        with signals_noted(came):
             yield
     finally:
-        for number in held:
+        for number in came:
             signal.raise_signal(number)
 
 
-def call(words, environment, log, tick):
+def look(came):
+    """Raise KeyboardInterrupt when a signal has been noted."""
+    if came:
+        raise KeyboardInterrupt
+
+
+def wait(function, came):
+    """The result of a function that runs in a thread; KeyboardInterrupt when a signal comes."""
+    job, context = futures.Future(), contextvars.copy_context()
+
+    def answer():
+        try:
+            job.set_result(context.run(function))
+        except BaseException as error:
+            job.set_exception(error)
+
+    threading.Thread(target=answer, daemon=True).start()
+    while not job.done():
+        look(came)
+        futures.wait([job], POLL_INTERVAL)
+    return job.result()
+
+
+def call(words, environment, log, tick, came=None):
     """Run a command in a session of its own, its output in a file; returns its exit code.
 
     ``tick()`` is called at every look.  No process that the command starts outlives this call,
-    which raises KeyboardInterrupt at its end when a signal has come.
+    which raises KeyboardInterrupt at its end when a signal has come, or was noted in `came`.
     """
-    with signals_to(note):
-        code = _watched(words, environment, log, tick)
-    if came:
-        raise KeyboardInterrupt
+    with signals_noted(came) as came:
+        code = _watched(words, environment, log, tick, came)
+    look(came)
     return code
 
 
-def _watched(words, environment, log, tick):
+def _watched(words, environment, log, tick, came):
     """Start a command, look at it until it ends or a signal has come, and end all of it."""
     import psutil
 

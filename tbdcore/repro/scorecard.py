@@ -45,14 +45,14 @@ def study():
     such table.
     """
     columns = ["paper", "claim", "seeds", *claims.JUDGED, "together", "row"]
-    if not paths.SEEDS.is_file():
+    if not paths.seeds().is_file():
         return pd.DataFrame(columns=columns)
     table = pd.DataFrame()
     with contextlib.suppress(ValueError):  # pandas' own errors are ValueErrors
-        table = pd.read_csv(paths.SEEDS, comment="#", dtype={"row": str})
+        table = pd.read_csv(paths.seeds(), comment="#", dtype={"row": str})
     if list(table) != columns or not len(table):
-        wrong = "no table of seeds; make it anew: python -m benchmarks.seeds"
-        raise ValueError(f"{paths.SEEDS}: {wrong}")
+        reason = "no table of seeds; make it anew: python -m benchmarks.seeds"
+        raise ValueError(f"{paths.seeds()}: {reason}")
     return table
 
 
@@ -60,15 +60,15 @@ def stale():
     """The claims of the study whose printed value or rule is another today, as the words of the
     command that makes them anew, paper by paper; or that are no claims any more.
     """
-    found = study()
-    old = found[~_judges_present_rows(found)]
+    judged = study()
+    old = judged[~_judges_present_rows(judged)]
     return [f"{paper} {' '.join(rows['claim'])}" for paper, rows in old.groupby("paper")]
 
 
-def _judges_present_rows(found):
+def _judges_present_rows(judged):
     """Which rows of the study judge the printed value and the rule of today."""
     digests = {paper: _digests(paper) for paper in claims.papers()}
-    now = zip(found["paper"], found["claim"], found["row"], strict=True)
+    now = zip(judged["paper"], judged["claim"], judged["row"], strict=True)
     return np.array([digests.get(paper, {}).get(id) == row for paper, id, row in now], bool)
 
 
@@ -81,11 +81,11 @@ def with_seeds(every):
     `together`, the verdict of a number on the trials of all seeds: both empty where the study has
     judged another value or rule.
     """
-    keys, found = pd.MultiIndex.from_frame(every[["paper", "id"]]), study()
-    found = found[_judges_present_rows(found)].set_index(["paper", "claim"]).reindex(keys)
+    keys, judged = pd.MultiIndex.from_frame(every[["paper", "id"]]), study()
+    judged = judged[_judges_present_rows(judged)].set_index(["paper", "claim"]).reindex(keys)
     same = every["verdict"].to_numpy()
-    share = sum((found[v].where(same == v, 0) for v in claims.JUDGED), 0.0) / found["seeds"]
-    return every.assign(seeds=share.to_numpy(float), together=found["together"].to_numpy())
+    share = sum((judged[v].where(same == v, 0) for v in claims.JUDGED), 0.0) / judged["seeds"]
+    return every.assign(seeds=share.to_numpy(float), together=judged["together"].to_numpy())
 
 
 def changes(folder):
@@ -106,26 +106,26 @@ def changes(folder):
 def captions(text, folder):
     """A text with the captions of the products in a folder; as it was where there is none."""
 
-    def caption(found):
-        file = folder / f"{found[1]}.json"
+    def caption(mark):
+        file = folder / f"{mark[1]}.json"
         if not file.is_file():
-            return found[0]
+            return mark[0]
         said = products.record(file)["caption"]
-        return f"<!-- caption {found[1]} -->\n*{said}*\n<!-- /caption -->"
+        return f"<!-- caption {mark[1]} -->\n*{said}*\n<!-- /caption -->"
 
     return CAPTION.sub(caption, text)
 
 
 def chinese():
     """The Chinese README, which need not exist."""
-    return paths.README.with_name("README.zh.md")
+    return paths.readme().with_name("README.zh.md")
 
 
 def _readmes(every, folder):
     """The READMEs made anew, path -> text."""
     english, translated = map(products.markdown, _tables(every))
-    text = _between(paths.README, f"{english}{depending(every)}{_together(every)}")
-    texts = {paths.README: captions(text, folder)}
+    text = _between(paths.readme(), f"{english}{depending(every)}{_together(every)}")
+    texts = {paths.readme(): captions(text, folder)}
     if chinese().is_file():
         texts[chinese()] = _between(chinese(), translated)
     return texts
@@ -134,8 +134,8 @@ def _readmes(every, folder):
 def _between(path, made):
     """The text of a README with what is made between its markers; ValueError without them."""
     before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, found, after = rest.partition(END)
-    if not found:
+    _, end, after = rest.partition(END)
+    if not end:
         lines = f"{BEGIN.strip()} and {END.strip()}"
         raise ValueError(f"{path.name}: {lines} are missing; the table of papers goes between them")
     return f"{before}{BEGIN}{made}{END}{after}"

@@ -99,27 +99,27 @@ def outcome(paper, rows):
 
 def _outcome_lines(paper, rows):
     """The lines of a first screen, and which run they come from."""
-    folder = paths.PRODUCTS
+    folder = paths.products()
     try:
-        found = claims.verdicts(paper, folder).set_index("id")
+        verdicts = claims.verdicts(paper, folder).set_index("id")
     except (FileNotFoundError, ValueError):
         return [f"| {what} | | | not yet run |\n" for what in rows], "Not yet run."
     about, lines = next(map(products.record, sorted((folder / paper).glob("*.json"))), None), []
     for what, id in rows.items():
-        if id not in found.index:
+        if id not in verdicts.index:
             raise ValueError(f"{paper}: no claim {id!r} for the first screen; correct its id")
-        row = found.loc[id]
+        row = verdicts.loc[id]
         kind = f" ({row['evidence']})" if row["evidence"] not in ("", "measured") else ""
         own = about and row["n"] not in ("", str(about["trials"]))  # another number of trials
         here = with_error(row["measured"], row["se"]) + (f" (n = {row['n']})" if own else "")
         lines.append(f"| {what} | {row['published']} | {here} | {row['verdict']}{kind} |\n")
-    known = f": seed {about['seed']}, {about['trials']} trials" if about else ""
-    return lines, f"Default run{known}; ± one standard error."
+    run = f": seed {about['seed']}, {about['trials']} trials" if about else ""
+    return lines, f"Default run{run}; ± one standard error."
 
 
 def advice(paper):
     """The advice of a paper for its first screen: do, when, instead of what, and the gain."""
-    folder = paths.PRODUCTS
+    folder = paths.products()
     rows = read_advice([paper], folder).rename(columns={"instead_of": "instead of"})
     rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
     caption = committed(f"{paper}/advice", folder)[1] or "Not yet run."
@@ -129,8 +129,8 @@ def advice(paper):
 
 def exhibit(id):
     """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
-    text, caption = committed(id, paths.PRODUCTS)
-    file = paths.PRODUCTS / f"{id}.png"
+    text, caption = committed(id, paths.products())
+    file = paths.products() / f"{id}.png"
     if text:
         return Part(f"{text.partition('-->')[2].strip()}\n\n*{caption}*", id)
     if not file.is_file():
@@ -186,8 +186,8 @@ def check_table(where, frame, figures):
         raise ValueError(f"{where}: {len(frame)} rows; give {least} to {most}")
     for number, row in enumerate(frame.to_dict("records"), start=1):
         for column, value in row.items():
-            if wrong := _fault(column, value, row, figures):
-                raise claims.fault(where, number, column, f"{value!r} {wrong}")
+            if reason := _fault(column, value, row, figures):
+                raise claims.fault(where, number, column, f"{value!r} {reason}")
 
 
 def _fault(column, value, row, figures):
@@ -209,8 +209,8 @@ def read_advice(papers, folder=None):
     tables = {paper: pd.read_csv(file) for paper, file in files.items() if file.is_file()}
     for paper, table in tables.items():
         if list(table.columns) != ADVICE:
-            wrong = f"its columns are not {', '.join(ADVICE)}"
-            raise ValueError(f"{files[paper]}: {wrong}; make it anew: tbdcore run {paper}")
+            reason = f"its columns are not {', '.join(ADVICE)}"
+            raise ValueError(f"{files[paper]}: {reason}; make it anew: tbdcore run {paper}")
     if not tables:
         return pd.DataFrame(columns=["paper", *ADVICE])
     return pd.concat(tables, names=["paper", None]).reset_index("paper").reset_index(drop=True)

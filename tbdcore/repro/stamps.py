@@ -24,12 +24,12 @@ def stale(paper):
 def renew(paper, how):
     """Execute a page at its defaults and take the digests of its records; returns their names.
 
-    `how` are options of :func:`batch.run`.  CheckFailed, with nothing changed, when the run fails,
-    or when a file or an output of the notebook is not the committed one.
+    `how` are options of :func:`batch.execute`.  CheckFailed, with nothing changed, when the run
+    fails, or when a file or an output of the notebook is not the committed one.
     """
-    folder = paths.BUILD / "stamp"
+    folder = paths.build() / "stamp"
     values = pages.validate(paper, {"out": str(folder)})
-    result = batch.run(paper, values, folder / pages.path(paper).name, **how)
+    result = batch.execute(paper, values, folder / pages.path(paper).name, **how)
     if result.error:
         raise CheckFailed(result.error)
     if other := different(paper, folder / paper, Path(result.notebook)):
@@ -75,16 +75,16 @@ def _joined(shown):
     return "".join(shown) if isinstance(shown, list) else shown
 
 
-def fly_again(paper):
+def fly_again(paper, came=None):
     """Let ``benchmarks.readings`` renew the digests of a paper's flown rows; CheckFailed, with
     nothing changed, when a row comes out otherwise.
     """
     if not claims.flown(paper):
         return
-    log = paths.BUILD / "stamp" / f"{paper}.readings.log"
+    log = paths.build() / "stamp" / f"{paper}.readings.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     words = [sys.executable, "-m", "benchmarks.readings", "--stamp", paper]
-    where = os.environ | {"PYTHONPATH": str(paths.ROOT)}
-    if processes.call(words, where, log, lambda: None):
+    where = os.environ | {"PYTHONPATH": str(paths.root())}
+    if processes.call(words, where, log, lambda: None, came):
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
         raise CheckFailed(lines[-1] if lines else f"{paper}: its rows could not be flown again")

@@ -7,7 +7,7 @@ from tbdcore.repro import paths
 
 def read(name):
     """A study as a table; ValueError, in one line, where the file is missing or no table."""
-    file = paths.CLAIMS.parent / f"{name}.csv"
+    file = paths.claims().parent / f"{name}.csv"
     try:
         return pd.read_csv(file, comment="#", keep_default_na=False, na_values=["nan"])
     except (OSError, ValueError) as error:

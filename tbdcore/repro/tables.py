@@ -35,12 +35,12 @@ def methods(paper, frame, measures=MEASURES):
     """
     frame, where = frame.reset_index(drop=True), f"{paper}/methods"
     columns = list(frame.columns)
-    found = [name for name in columns[1:-1] if not name.endswith("_se")]
-    if columns != ["method", *(f"{name}{end}" for name in found for end in ("", "_se")), "told"]:
-        wrong = "give method, each measure with its error (P_D, P_D_se), and told"
-        raise ValueError(f"{where}: columns {', '.join(map(str, columns))}; {wrong}")
-    if not 1 <= len(found) <= measures:
-        raise ValueError(f"{where}: {len(found)} measures; give 1 to {measures}")
+    named = [name for name in columns[1:-1] if not name.endswith("_se")]
+    if columns != ["method", *(f"{name}{end}" for name in named for end in ("", "_se")), "told"]:
+        reason = "give method, each measure with its error (P_D, P_D_se), and told"
+        raise ValueError(f"{where}: columns {', '.join(map(str, columns))}; {reason}")
+    if not 1 <= len(named) <= measures:
+        raise ValueError(f"{where}: {len(named)} measures; give 1 to {measures}")
     _check(where, frame, ["method", "told"], METHODS)
     times = studies.cost(paper, frame["method"])
     frame.insert(len(columns) - 1, "cpu_ms", times)
@@ -51,8 +51,8 @@ def limits(paper, frame):
     """The table of limits, checked in the same way."""
     frame, where = frame.reset_index(drop=True), f"{paper}/limits"
     if list(frame.columns) != LIMIT_COLUMNS:
-        wrong = f"columns {', '.join(map(str, frame.columns))}; give {', '.join(LIMIT_COLUMNS)}"
-        raise ValueError(f"{where}: {wrong}")
+        reason = f"columns {', '.join(map(str, frame.columns))}; give {', '.join(LIMIT_COLUMNS)}"
+        raise ValueError(f"{where}: {reason}")
     _check(where, frame, ["condition"], LIMITS)
     return frame
 
@@ -63,8 +63,8 @@ def _check(where, frame, texts, most):
         raise ValueError(f"{where}: {len(frame)} rows; give 1 to {most}")
     for number, row in enumerate(frame.to_dict("records"), start=1):
         for column, value in row.items():
-            if wrong := _fault(row, column, value, column in texts):
-                raise claims.fault(where, number, column, f"{value!r} {wrong}")
+            if reason := _fault(row, column, value, column in texts):
+                raise claims.fault(where, number, column, f"{value!r} {reason}")
     names = frame.iloc[:, 0]
     if names.duplicated().any():
         raise ValueError(f"{where}: {names[names.duplicated()].iloc[0]!r} stands there twice")

@@ -38,8 +38,8 @@ def generator(seed, paper, experiment, trial, purpose):
     if purpose not in tuple(PURPOSES):
         raise ValueError(f"trials.generator: purpose {purpose!r} is none of {', '.join(PURPOSES)}")
     if not all(isinstance(it, int | np.integer) and it >= 0 for it in (seed, trial)):
-        wrong = "must be integers and must not be negative"
-        raise ValueError(f"trials.generator: seed {seed!r} and trial {trial!r} {wrong}")
+        reason = "must be integers and must not be negative"
+        raise ValueError(f"trials.generator: seed {seed!r} and trial {trial!r} {reason}")
     key = (crc32(paper.encode()), crc32(experiment.encode()), int(trial), PURPOSES[purpose])
     words = _words(int(seed), 4) + b"".join(map(_words, key))  # as SeedSequence joins them itself
     sequence = np.random.SeedSequence(np.frombuffer(words, "<u4"))  # three times as fast
@@ -127,8 +127,8 @@ def _client(address):
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:  # a timeout among them
-        wrong = f"no dask scheduler answers there ({type(error).__name__})"
-        raise ConnectionError(f"{where}: {wrong}; {advice}") from None
+        reason = f"no dask scheduler answers there ({type(error).__name__})"
+        raise ConnectionError(f"{where}: {reason}; {advice}") from None
     with client:
         try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
@@ -140,16 +140,16 @@ def _client(address):
 
 def _same_sources(client, code, words):
     """Raise ConnectionError when a worker of a cluster has other sources of what is to run."""
-    ours, wrong = sources(code, words), []
+    ours, others = sources(code, words), []
     answers = client.run(sources, code, words, on_error="return")
-    for worker, found in sorted(answers.items()):
-        if not isinstance(found, dict):
-            wrong.append(f"{worker} (no answer: {type(found).__name__})")
-        elif names := sorted({name for name, _ in ours.items() ^ found.items()}):
-            wrong.append(f"{worker} ({', '.join(names)})")
-    if wrong:
+    for worker, theirs in sorted(answers.items()):
+        if not isinstance(theirs, dict):
+            others.append(f"{worker} (no answer: {type(theirs).__name__})")
+        elif names := sorted({name for name, _ in ours.items() ^ theirs.items()}):
+            others.append(f"{worker} ({', '.join(names)})")
+    if others:
         advice = "take the same commit for all, then start these workers again"
-        raise ConnectionError(f"other sources on the dask worker {', '.join(wrong)}; {advice}")
+        raise ConnectionError(f"other sources on the dask worker {', '.join(others)}; {advice}")
 
 
 def sources(code, words):
@@ -204,8 +204,8 @@ def _chunk(trial, seed, first, last):
         try:
             results.append(trial(seed, i))
         except Exception as error:
-            wrong = f"{type(error).__name__}: {error}"
-            raise RuntimeError(f"trial {i} of seed {seed}: {wrong}") from error
+            reason = f"{type(error).__name__}: {error}"
+            raise RuntimeError(f"trial {i} of seed {seed}: {reason}") from error
     return _by_field(np.stack, results)
 
 

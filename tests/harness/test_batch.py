@@ -110,7 +110,7 @@ def test_leftovers_of_processes_that_no_longer_exist_are_removed(inside):
     os.utime(reused, (0, 0))
     names = sorted([f"tmp.{pid}.part", *(file.name for file in left)])
     said = []
-    batch.run("tiny", {}, build / "01_tiny.ipynb", say=said.append, resume=True)
+    batch.execute("tiny", {}, build / "01_tiny.ipynb", say=said.append, resume=True)
     assert said[0] == f"tiny: removed what a killed run had left: {', '.join(names)}"
     assert not any(file.exists() for file in left)
     assert all(file.exists() for file in kept)
@@ -133,7 +133,7 @@ def test_a_notebook_imports_from_where_the_command_does(repository, monkeypatch)
         repository, begin=cell, trials=None, claims=None, figure=None, table=None, publish=""
     )
     monkeypatch.setenv("PYTHONPATH", str(repository))
-    batch._execute("tiny", {"out": "build/try"}, paths.BUILD / "01_tiny.ipynb", False)
+    batch._execute("tiny", {"out": "build/try"}, paths.build() / "01_tiny.ipynb", False)
     assert str(repository) in json.loads((repository / "path").read_text())
 
 
@@ -171,8 +171,8 @@ def test_a_terminal_shows_how_long_a_run_has_taken(inside, monkeypatch):
     times, terminal = iter([100.0, 103.4]), io.StringIO()
     terminal.isatty = lambda: True
     monkeypatch.setattr(batch, "time", types.SimpleNamespace(monotonic=lambda: next(times)))
-    monkeypatch.setattr(batch.processes, "call", lambda words, environment, log, tick: tick())
+    monkeypatch.setattr(batch.processes, "call", lambda words, environment, log, tick, came: tick())
     monkeypatch.setattr(batch, "_raise_failure", lambda *report: None)
     monkeypatch.setattr(batch.sys, "stderr", terminal)
-    batch._execute("tiny", {"out": "build/try"}, paths.BUILD / "01_tiny.ipynb", False)
+    batch._execute("tiny", {"out": "build/try"}, paths.build() / "01_tiny.ipynb", False)
     assert terminal.getvalue() == "\rtiny: 3 s\033[K\r"

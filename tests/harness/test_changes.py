@@ -13,17 +13,17 @@ FIRST, SECOND, THIRD = map(claims.rule_digest, RULES)
 def listed(*lines):
     """Write changes.csv of the small repository: the end of each line, from its rules on."""
     rows = [f"tiny,mean,reproduced,differs,a reason,0123abc,{line}" for line in lines]
-    (paths.CLAIMS / "changes.csv").write_text("\n".join([HEADER, *rows, ""]))
+    (paths.claims() / "changes.csv").write_text("\n".join([HEADER, *rows, ""]))
 
 
 def change(rule=RULES[0], value="0.0"):
     """Give the row `mean` of the small repository another rule or another printed value."""
     text = tiny.CLAIMS.replace(RULES[0], rule).replace(",0.0,", f",{value},")
-    (paths.CLAIMS / "tiny.csv").write_text(text)
+    (paths.claims() / "tiny.csv").write_text(text)
 
 
 def test_every_change_of_the_repository_is_listed():
-    assert changes.complaints(claims.ledger(paths.PRODUCTS)) == []
+    assert changes.complaints(claims.ledger(paths.products())) == []
 
 
 def test_every_row_was_declared_and_its_reason_is_short():
@@ -64,7 +64,7 @@ def test_a_value_that_was_corrected_without_a_line_is_named(repository):
 )
 def test_a_corrected_value_that_a_page_still_has_is_named(repository, values, cell, count):
     declared = tiny.CLAIMS.replace(",0.0,", f",{values.partition(' > ')[0]},")
-    (paths.CLAIMS / "declared.csv").write_text(tiny.declared(declared))
+    (paths.claims() / "declared.csv").write_text(tiny.declared(declared))
     change(value="14.17")
     listed(f",{values}")
     tiny.change(repository, figure=cell)
@@ -73,7 +73,7 @@ def test_a_corrected_value_that_a_page_still_has_is_named(repository, values, ce
         assert "01_tiny.ipynb, cell 5, still has 14.11" in said
     again = "again,text,again,,14.11,,number,Sec. 1,,,\n"  # another row prints it
     if count:
-        with (paths.CLAIMS / "tiny.csv").open("a") as file:
+        with (paths.claims() / "tiny.csv").open("a") as file:
             file.write(again)
         changes.declare("tiny")
         assert not any("14.11" in said for said in changes.complaints())
@@ -96,7 +96,7 @@ def test_a_chain_leads_from_what_was_declared_to_what_is_there(repository, line,
 
 
 def test_a_row_that_is_not_declared_and_one_that_is_gone_are_named(repository):
-    file = paths.CLAIMS / "declared.csv"
+    file = paths.claims() / "declared.csv"
     file.write_text(file.read_text().replace("tiny,mean", "tiny,median"))
     gone, missing = changes.complaints()
     assert "tiny median is no claim" in gone
@@ -104,14 +104,14 @@ def test_a_row_that_is_not_declared_and_one_that_is_gone_are_named(repository):
     listed(",")
     file.write_text(tiny.declared(tiny.CLAIMS))
     rest = tiny.CLAIMS.replace("mean,Table", "median,Table")
-    (paths.CLAIMS / "tiny.csv").write_text(rest)
+    (paths.claims() / "tiny.csv").write_text(rest)
     assert sum("is no claim" in said for said in changes.complaints()) == 2
 
 
 def test_declaring_leaves_what_was_declared_before(repository):
     change(rule=RULES[1])
     more = 'more,text,more,,"a, b",,statement,Sec. 1,,,\n'
-    with (paths.CLAIMS / "tiny.csv").open("a") as file:
+    with (paths.claims() / "tiny.csv").open("a") as file:
         file.write(more)
     assert changes.declare("tiny") == 1
     assert changes.declare("tiny") == 0
@@ -123,7 +123,7 @@ def test_score_names_what_is_not_listed_and_an_old_verdict(inside, capsys):
     listed(",")
     assert cli.main(["score"]) == 1
     assert "tiny mean is reproduced, not differs" in capsys.readouterr().err
-    (paths.CLAIMS / "changes.csv").unlink()
+    (paths.claims() / "changes.csv").unlink()
     assert cli.main(["score", "--check"]) == 0
 
 
@@ -146,7 +146,7 @@ def test_score_names_what_is_not_listed_and_an_old_verdict(inside, capsys):
 )
 def test_a_damaged_list_is_named_in_one_line(inside, capsys, old, new, column):
     listed(f"{FIRST} > {SECOND},0.0 > 0.1")
-    file = paths.CLAIMS / "changes.csv"
+    file = paths.claims() / "changes.csv"
     text = file.read_text().replace(old, new)
     file.write_bytes(text.encode("utf-8", "surrogateescape"))
     assert cli.main(["score"]) == 2

@@ -123,7 +123,9 @@ def test_a_report_with_every_figure_and_table_compiles_with_plain_pdflatex(tmp_p
 
 def test_what_is_given_to_latex_has_only_characters_that_it_sets():
     texts = {id: cite.text(id, "latex") for id in cite.ids()}
-    tables = {file.name: file.read_text(encoding="utf-8") for file in paths.PRODUCTS.rglob("*.tex")}
+    tables = {
+        file.name: file.read_text(encoding="utf-8") for file in paths.products().rglob("*.tex")
+    }
     found = {
         name: set(re.findall(r"[^\x00-\x7f\xa1-\xff–—]", text))
         for name, text in (texts | tables).items()
@@ -226,7 +228,7 @@ def test_repository_entry_is_that_of_the_citation_file():
     kind, fields = bibtex(cite.repository_entry())["tbdcore"]
     assert kind == "misc"
     assert fields["author"]
-    assert fields["version"] in paths.CITATION.read_text(encoding="utf-8")
+    assert fields["version"] in paths.citation().read_text(encoding="utf-8")
 
 
 def test_score_writes_bibliography_and_listing(execute, tmp_path):
@@ -546,7 +548,7 @@ def test_a_wheel_names_the_address_of_the_clone(cloned):
 
 
 def test_without_an_address_nothing_is_added():
-    text = paths.CITATION.read_text(encoding="utf-8")
+    text = paths.citation().read_text(encoding="utf-8")
     assert clone.citation(text, clone.Clone()) == text
     assert clone.project("[project]\n", clone.Clone(commit="0123abc")) == "[project]\n"
 

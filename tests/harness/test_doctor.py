@@ -29,7 +29,7 @@ def test_a_lock_is_read_with_its_markers():
 
 
 def test_the_real_lock_is_read_whole():
-    text = paths.LOCK.read_text(encoding="utf-8")
+    text = paths.lock().read_text(encoding="utf-8")
     pins = dict(re.findall(r"^([\w.-]+)==(\S+) \\$", text, re.MULTILINE))
     assert pins
     assert doctor.locked(text).items() >= pins.items()
@@ -39,7 +39,7 @@ def lock(monkeypatch, tmp_path):
     (tmp_path / "environment.txt").write_text(
         "numpy==0.9\npytest==0.1\nno-such-thing==1.0\nruff==0.1\nscipy==0.1\n"
     )
-    monkeypatch.setitem(paths.PLACES, "LOCK", str(tmp_path / "environment.txt"))
+    monkeypatch.setattr(paths, "lock", lambda: tmp_path / "environment.txt")
 
 
 def foreign_kernel(monkeypatch, tmp_path):
@@ -60,7 +60,7 @@ def closed_folder(monkeypatch, tmp_path):
 
 def foreign_line_ends(monkeypatch, tmp_path):
     tiny.here(tmp_path, monkeypatch)
-    for file in (paths.CLAIMS / "tiny.csv", paths.CLAIMS / "declared.csv"):
+    for file in (paths.claims() / "tiny.csv", paths.claims() / "declared.csv"):
         file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
 
 

@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from tbdcore.repro import figures, screen, trials
-from tbdcore.repro.claims import Ledger
-from tbdcore.repro.run import Run
+from tbdcore.repro.claims import Ledger, Verdict
+from tbdcore.repro.publish import Publication
 
 PROVENANCE = {
     "parameters": {"n": 3},
@@ -30,7 +30,7 @@ mean,Fig. 1,mean,,1.5,m,number,Sec. 2,Mean,measured,
 
 @pytest.fixture
 def portfolio(tmp_path):
-    return Run("toy", tmp_path / "figures", PROVENANCE)
+    return Publication("toy", tmp_path / "figures", PROVENANCE)
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def published(folder):
 
 
 def test_the_same_figure_has_the_same_bytes(tmp_path):
-    runs = [Run("toy", tmp_path, PROVENANCE) for _ in range(2)]
+    runs = [Publication("toy", tmp_path, PROVENANCE) for _ in range(2)]
     for run in runs:
         draw(run)
         run.table(pd.DataFrame({"a": [1 / 3]}), "table1", caption="A third.")
@@ -69,7 +69,7 @@ def test_the_same_figure_has_the_same_bytes(tmp_path):
 def test_an_artist_gives_the_same_bytes(tmp_path, ledger):
     made = []
     for artist in (None, trials.process()):
-        run = Run("toy", tmp_path / str(len(made)), PROVENANCE, artist)
+        run = Publication("toy", tmp_path / str(len(made)), PROVENANCE, artist)
         draw(run)
         run.publish(ledger)
         made.append(published(run.folder))
@@ -78,7 +78,7 @@ def test_an_artist_gives_the_same_bytes(tmp_path, ledger):
 
 
 def test_an_artist_that_fails_publishes_nothing(tmp_path, ledger):
-    run = Run("toy", tmp_path / "figures", PROVENANCE, trials.process())
+    run = Publication("toy", tmp_path / "figures", PROVENANCE, trials.process())
     draw(run)
     run.waiting.append(run.artist.submit(figures.render, None, "fig02", "toy/fig02", ("pdf",)))
     with pytest.raises(AttributeError, match="NoneType"):
@@ -93,8 +93,8 @@ def test_a_last_bit_changes_no_picture(tmp_path):
     """
     made = []
     for x in (1.1, math.nextafter(1.1, 2)):
-        run = Run("toy", tmp_path, PROVENANCE)
-        fig, axes = Run.new(1, 2)
+        run = Publication("toy", tmp_path, PROVENANCE)
+        fig, axes = Publication.new(1, 2)
         axes[1].plot([0, 1])
         axes[1].text(x, 0.5, "outside", transform=axes[1].transAxes)
         run.save(fig, "fig01", caption="A line, and a word that the layout has to find room for.")
@@ -193,6 +193,27 @@ def test_a_film_is_a_figure_with_a_picture_for_each_step(portfolio):
     assert {"walk.pdf", "walk.svg", "walk.png"} <= set(portfolio.files)
 
 
+def test_a_film_has_the_colours_of_its_last_picture(portfolio):
+    """Grey at first, then all of a colour map: 128 colours, the same for every step."""
+    fig, ax = portfolio.new(width=2, height=1.5)
+    field = ax.imshow(np.zeros((40, 40)), vmin=0, vmax=1600)
+
+    def draw(k):
+        field.set_cmap("viridis" if k else "gray")
+        field.set_data(np.arange(1600.0).reshape(40, 40))
+
+    portfolio.film(fig, "map", draw, 2, caption="A map.")
+    film, colours = Image.open(io.BytesIO(portfolio.files["map.gif"])), []
+    for k in range(2):
+        film.seek(k)
+        picture = film.convert("RGB")
+        colours.append({colour for _, colour in picture.getcolors(10**6)})
+    assert 100 < len(colours[1]) <= len(set.union(*colours)) <= 128
+    last = Image.open(io.BytesIO(portfolio.files["map.png"])).convert("RGB").resize(picture.size)
+    off = np.abs(np.asarray(last, int) - np.asarray(picture, int))
+    assert off.mean() < 6, "of 255, and of two sizes"
+
+
 def test_nothing_is_written_before_publish(portfolio, ledger, tmp_path):
     draw(portfolio)
     assert not (tmp_path / "figures").exists()
@@ -268,6 +289,26 @@ def test_the_first_screen_is_that_of_the_committed_products(repository, monkeypa
     assert repr(screen.exhibit("tiny/fig1")) == "tiny/fig1: Not yet run."
 
 
+def test_the_first_screen_has_a_row_for_each_result(inside, monkeypatch):
+    """With its error, with its evidence unless it is measured, and its n where it is another."""
+    claims = inside / "data" / "claims" / "tiny.csv"
+    claims.write_text(claims.read_text().replace("runs = 100,measured", "runs = 100,calibrated"))
+    file = inside / "figures" / "tiny" / "verdicts.csv"
+    table = pd.read_csv(file, dtype=str, keep_default_na=False).set_index("id")
+    changed = {"measured": "0.1", "se": "0.2", "n": "7", "evidence": "calibrated"}
+    table.loc["mean", list(changed)] = list(changed.values())
+    table.reset_index()[list(Verdict._fields)].to_csv(file, index=False)
+    shown = repr(screen.outcome("tiny", {"mean": "mean", "order": "order", "price": "price"}))
+    head, _, mean, order, price, _, said = shown.strip().splitlines()
+    assert head == "| | published | here | verdict |"
+    assert mean == "| mean | 0.0 | 0.1 ± 0.2 (n = 7) | reproduced (calibrated) |"
+    assert re.fullmatch(
+        r"\| order \| larger \| margin 1\.000? ± 0\.0\d+ \| reproduced \|", order
+    ), order
+    assert price == "| price | cheap |  | untestable |"
+    assert said == "*Default run: seed 20, 400 trials; ± one standard error.*"
+
+
 def advice(**changed):
     """Three rows of advice on what fig01 shows."""
     row = {"do": "lower the threshold", "when": "a target is dim", "instead_of": "one frame"}
@@ -282,27 +323,24 @@ def breaks(**changed):
     )
 
 
-WRONG = [
-    (advice(gain="much"), "row 1, column gain: 'much' is no number; give one"),
-    (advice(gain=math.nan), "column gain: nan is no number"),
-    (advice(gain=math.inf), "column gain: inf is no number"),
-    (advice(se=-0.1), "column se: -0.1 is below 0; correct one"),
-    (advice(tested_to=2), "column tested_to: 2 is below 3; correct one"),
-    (advice(knows=" "), "column knows: ' ' is no text; say it in words"),
-    (advice(do=3), "column do: 3 is no text"),
-    (advice(figure="toy/fig1"), "'toy/fig1' is no figure of this run; the nearest is 'toy/fig01'"),
-    (advice()[:2], "2 rows; give 3 to 5"),
-    (pd.concat([advice()] * 2), "6 rows; give 3 to 5"),
-    (advice().drop(columns="knows"), "columns .*; give do, when, instead_of, knows, gain, se"),
-    (advice(more=1), "columns .*; give do"),
-    (advice()[list(advice())[::-1]], "columns .*; give do"),
+WRONG = [  # tables of advice, and what is named
+    *((advice(gain=bad), "gain") for bad in ("much", math.nan, math.inf)),
+    (advice(se=-0.1), "se"),
+    (advice(tested_to=2), "tested_to"),
+    (advice(knows=" "), "knows"),
+    (advice(do=3), "do"),
+    (advice(figure="toy/fig1"), "figure"),
+    (advice()[:2], "2 rows"),
+    (pd.concat([advice()] * 2), "6 rows"),
+    *((it, "columns") for it in (advice().drop(columns="knows"), advice(more=1))),
+    (advice()[list(advice())[::-1]], "columns"),
 ]
 
 
-@pytest.mark.parametrize(("frame", "words"), WRONG)
-def test_advice_that_is_incomplete_is_refused_in_one_line(portfolio, frame, words):
+@pytest.mark.parametrize(("frame", "named"), WRONG)
+def test_advice_that_is_incomplete_is_refused_in_one_line(portfolio, frame, named):
     portfolio.files["fig01.png"] = b"a picture"
-    with pytest.raises(ValueError, match=f"^toy/advice[:,] .*{words}") as error:
+    with pytest.raises(ValueError, match=rf"^toy/advice[:,] .*\b{named}\b") as error:
         portfolio.advice(frame, "What to do.")
     assert "\n" not in str(error.value)
     assert "advice.csv" not in portfolio.files
@@ -318,7 +356,7 @@ def test_what_breaks_a_method_is_a_product(portfolio):
 
 def tiny_advice(folder, gain=2.125):
     """A run of the small repository that publishes advice."""
-    portfolio = Run("tiny", folder, PROVENANCE | {"remake": "tbdcore run tiny"})
+    portfolio = Publication("tiny", folder, PROVENANCE | {"remake": "tbdcore run tiny"})
     portfolio.files["fig01.png"] = b"a picture"
     portfolio.advice(advice(figure="tiny/fig01", gain=gain), "Gain in dB.")
     return portfolio

@@ -14,9 +14,9 @@ import yaml
 
 from tbdcore.repro import cite, claims, pages, paths, products, scorecard
 
-README = paths.README.read_text(encoding="utf-8")
+README = paths.readme().read_text(encoding="utf-8")
 CHINESE = scorecard.chinese().read_text(encoding="utf-8")
-PAPERS = tomllib.loads(paths.BIBLIOGRAPHY.read_text(encoding="utf-8"))
+PAPERS = tomllib.loads(paths.bibliography().read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("text", [README, CHINESE], ids=["README.md", "README.zh.md"])
@@ -90,7 +90,7 @@ def test_only_what_is_written_by_hand_puts_the_translation_behind():
 
 
 def test_the_chinese_table_counts_as_the_scorecard():
-    counts = claims.scorecard(paths.PRODUCTS).set_index("paper")
+    counts = claims.scorecard(paths.products()).set_index("paper")
     for paper in pages.papers():
         numbers = [int(counts.loc[paper, f"measured: {verdict}"]) for verdict in claims.JUDGED]
         row = next(line for line in CHINESE.splitlines() if f"| [{pages.path(paper).stem}]" in line)
@@ -106,11 +106,11 @@ def test_the_chinese_readme_has_the_commands_and_links_of_the_english_one():
     links = [set(re.findall(r"\]\(([\w./]+)\)", text)) for text in (README, CHINESE)]
     assert links[0] - links[1] <= {"README.zh.md"}
     for target in links[1]:
-        assert (paths.ROOT / target).exists(), target
+        assert (paths.root() / target).exists(), target
 
 
 def test_the_chinese_table_of_own_data_has_the_pages_of_the_english_one():
-    guide = (paths.ROOT / "docs" / "own_data.md").read_text(encoding="utf-8")
+    guide = (paths.root() / "docs" / "own_data.md").read_text(encoding="utf-8")
     rows = {row for row in re.findall(r"\| `(\w+)` \|$", guide, re.MULTILINE) if row in PAPERS}
     assert set(re.findall(r"\| `(\w+)` \|$", CHINESE, re.MULTILINE)) == rows == set(PAPERS)
 
@@ -124,11 +124,11 @@ def glossary():
 
 def english():
     """What the chapters and the pages of the documentation say, in small letters."""
-    parts = [file.read_text(encoding="utf-8") for file in (paths.ROOT / "docs").glob("*.md")]
+    parts = [file.read_text(encoding="utf-8") for file in (paths.root() / "docs").glob("*.md")]
     for paper in pages.notebooks():
         cells = json.loads(pages.path(paper).read_text(encoding="utf-8"))["cells"]
         parts += ["".join(cell["source"]) for cell in cells]
-    parts += [(paths.CLAIMS / f"{paper}.csv").read_text(encoding="utf-8") for paper in PAPERS]
+    parts += [(paths.claims() / f"{paper}.csv").read_text(encoding="utf-8") for paper in PAPERS]
     return " ".join(re.sub(r"[-_\s]+", " ", " ".join([README, *parts]).lower()).split())
 
 
@@ -170,7 +170,7 @@ def test_the_glossary_is_that_of_the_papers():
 
 # Workflows -------------------------------------------------------------------------------------
 
-WORKFLOWS = sorted((paths.ROOT / ".github" / "workflows").glob("*"))
+WORKFLOWS = sorted((paths.root() / ".github" / "workflows").glob("*"))
 
 
 def steps(workflow):
@@ -204,13 +204,13 @@ def test_a_workflow_runs_what_is_in_ci_and_nothing_else(workflow):
     for command in commands:
         script = re.fullmatch(r"sh (\.ci/\w+)", command)
         assert script, command
-        assert (paths.ROOT / script[1]).is_file()
+        assert (paths.root() / script[1]).is_file()
     known = "actions/(checkout|setup-python|upload-pages-artifact|deploy-pages)@v[0-9]+"
     assert all(re.fullmatch(known, step["uses"]) for step in steps(workflow) if "uses" in step)
 
 
 def test_the_tests_run_on_the_oldest_and_the_newest_python():
-    about = tomllib.loads((paths.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    about = tomllib.loads((paths.root() / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     named = [line.rpartition(" ")[2] for line in about["classifiers"] if "Python :: 3." in line]
     (test,) = (file for file in WORKFLOWS if file.name == "test.yml")
     jobs = yaml.safe_load(test.read_text(encoding="utf-8"))["jobs"]
@@ -218,6 +218,6 @@ def test_the_tests_run_on_the_oldest_and_the_newest_python():
 
 
 def test_the_changelog_is_short():
-    parts = (paths.ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    parts = (paths.root() / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1:]
     assert [part.partition(" ")[0] for part in parts] == ["Fourth", "Third", "Second", "First"]
     assert all(len(part.strip().splitlines()) <= 12 for part in parts), "heading and ten lines"

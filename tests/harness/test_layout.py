@@ -83,14 +83,14 @@ def imports_of(text):
 def tracked():
     """The committed files, as they are in the working tree."""
     listed = subprocess.run(
-        ["git", "ls-files", "-z"], cwd=paths.ROOT, capture_output=True, text=True
+        ["git", "ls-files", "-z"], cwd=paths.root(), capture_output=True, text=True
     )
     if listed.returncode:
         pytest.skip("no git repository here: nothing lists the committed files")
     return [
-        paths.ROOT / name
+        paths.root() / name
         for name in listed.stdout.split("\0")
-        if name and (paths.ROOT / name).is_file()
+        if name and (paths.root() / name).is_file()
     ]
 
 
@@ -100,7 +100,7 @@ def test_the_core_imports_numbers_only(module):
     assert packages <= {*NUMBERS, *sys.stdlib_module_names}
     harness = {name for name in own if name.startswith("repro/")}
     assert harness <= (
-        {"repro/__init__", "repro/pages", "repro/paths", "repro/run"}
+        {"repro/__init__", "repro/pages", "repro/paths", "repro/publish"}
         if module == "__init__"
         else set()
     ), "only begin and page load the harness, when called"
@@ -199,7 +199,7 @@ def test_every_path_is_written_in_one_module():
 
 
 def test_the_top_level_holds_what_the_readme_lists():
-    assert {path.relative_to(paths.ROOT).parts[0] for path in tracked()} <= FOLDERS | FILES
+    assert {path.relative_to(paths.root()).parts[0] for path in tracked()} <= FOLDERS | FILES
 
 
 def test_every_folder_explains_itself():
@@ -208,7 +208,7 @@ def test_every_folder_explains_itself():
         ".github",
         "tbdcore",
     }:  # scripts with a heading each; a package with a docstring
-        assert (paths.ROOT / folder / "README.md").is_file(), folder
+        assert (paths.root() / folder / "README.md").is_file(), folder
 
 
 # Written in pieces, so that this file does not hold them itself.
@@ -236,12 +236,12 @@ def test_no_committed_file_knows_a_machine_or_a_registry():
             continue
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
             assert not found.search(line), (
-                f"{path.relative_to(paths.ROOT)}, line {number}: {found.search(line)[0]}"
+                f"{path.relative_to(paths.root())}, line {number}: {found.search(line)[0]}"
             )
 
 
 def test_the_lock_pins_everything_with_hashes():
-    text = paths.LOCK.read_text(encoding="utf-8")
+    text = paths.lock().read_text(encoding="utf-8")
     entries = re.split(r"\n(?=[A-Za-z0-9])", text.strip())
     for entry in entries:
         name = entry.split()[0]
@@ -250,7 +250,7 @@ def test_the_lock_pins_everything_with_hashes():
 
 
 def test_the_lock_holds_every_dependency():
-    project = tomllib.loads((paths.ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    project = tomllib.loads((paths.root() / "pyproject.toml").read_text(encoding="utf-8"))
     extras = [
         names
         for extra, names in project["project"]["optional-dependencies"].items()
@@ -263,7 +263,7 @@ def test_the_lock_holds_every_dependency():
     ]
     locked = set(
         re.findall(
-            r"^([A-Za-z0-9_.\-]+)==", paths.LOCK.read_text(encoding="utf-8"), flags=re.MULTILINE
+            r"^([A-Za-z0-9_.\-]+)==", paths.lock().read_text(encoding="utf-8"), flags=re.MULTILINE
         )
     )
     names = {re.match(r"[A-Za-z0-9_.\-]+", name)[0].lower().replace("_", "-") for name in wanted}
@@ -271,11 +271,11 @@ def test_the_lock_holds_every_dependency():
 
 
 def test_the_layout_names_every_module():
-    text = (paths.ROOT / "docs" / "running.md").read_text(encoding="utf-8")
+    text = (paths.root() / "docs" / "running.md").read_text(encoding="utf-8")
     for module in {Path(module).name for module in [*CORE, *HARNESS]} - {"__init__", "paths"}:
         assert re.search(rf"\b{module}\b", text), module
 
 
 def test_every_link_of_the_readme_leads_somewhere():
-    for target in re.findall(r"\]\(([^)#]+)\)", paths.README.read_text(encoding="utf-8")):
-        assert target.startswith("https://") or (paths.ROOT / target).exists(), target
+    for target in re.findall(r"\]\(([^)#]+)\)", paths.readme().read_text(encoding="utf-8")):
+        assert target.startswith("https://") or (paths.root() / target).exists(), target

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import tiny
 
-from tbdcore.repro import pages, paths, run, trials
+from tbdcore.repro import pages, paths, publish, trials
 
 CELL = """seed: int = 20  # root of every random stream; in [0, inf)
 n_trials: int = 400  # Monte Carlo trials; in [1, inf); quick 40
@@ -102,38 +102,25 @@ def test_an_integer_for_a_float(repository):
     assert repr(pages.validate("tiny", {"gate_g": 3})["gate_g"]) == "3.0"
 
 
-BAD = [  # name, value, words of the message
-    ("n_trials", 0, ("n_trials", "0 is out of range", "Monte Carlo trials, in [1, inf)")),
-    ("n_trials", 1.5, ("1.5 is float; give int, like 400",)),
-    ("n_trials", True, ("True is bool; give int",)),
-    ("n_trials", "many", ("'many' is str; give int",)),
-    ("track_pfa", 0.0, ("0.0 is out of range", "in (0, 1)")),
-    ("track_pfa", 1, ("out of range",)),
-    ("track_pfa", float("nan"), ("out of range",)),
-    ("blur", 0.8001, ("out of range", "in (0, 0.8]")),
-    ("reading", "n", ("'n' is none of 'm', 'm-r'",)),
-    ("snr_db", [3, 41], ("out of range", "in [-30, 40]")),
-    ("snr_db", ["3"], ("out of range",)),
-    ("snr_db", 3, ("3 is int; give list",)),
-    ("square_law", 1, ("1 is int; give bool",)),
-    (
-        "rates",
-        [0.2, 0],
-        ("[0.2, 0] does not increase; give at least one number, the smallest first",),
-    ),
-    ("rates", [0.2, 0.2], ("does not increase",)),
-    ("rates", [], ("[] does not increase",)),
-    ("track_pfb", 0.1, ("'track_pfb'", "the nearest is 'track_pfa'")),
-]
+BAD = {  # values by the name of the parameter
+    "n_trials": [0, 1.5, True, "many"],
+    "track_pfa": [0.0, 1, float("nan")],
+    "blur": [0.8001],
+    "reading": ["n"],
+    "snr_db": [[3, 41], ["3"], 3],
+    "square_law": [1],
+    "rates": [[0.2, 0], [0.2, 0.2], []],
+    "track_pfb": [0.1],  # there is none of this name
+}
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "words"), BAD, ids=[f"{name}={value!r}" for name, value, _ in BAD]
+    ("name", "value"), [(name, value) for name, values in BAD.items() for value in values]
 )
-def test_bad_values_are_refused_in_a_line(paper, name, value, words):
-    with pytest.raises(ValueError, match="parameter ") as caught:
+def test_bad_values_are_refused_in_a_line(paper, name, value):
+    with pytest.raises(ValueError, match=rf"^parameter '?{name}'?: ") as caught:
         pages.validate(paper, {name: value})
-    one_line(caught, *words)
+    one_line(caught, "track_pfa" if name == "track_pfb" else repr(value))
 
 
 def test_an_unknown_paper_is_told_the_nearest(paper):
@@ -150,7 +137,7 @@ def test_a_line_that_is_no_parameter_is_named(repository, line):
 
 
 def test_begin_opens_a_default_run(paper, repository):
-    ledger, portfolio = run.begin(paper, values(paper))
+    ledger, portfolio = publish.begin(paper, values(paper))
     assert ledger.strict
     assert portfolio.folder == repository / "figures"
     assert portfolio.provenance["seed"] == 20
@@ -161,14 +148,14 @@ def test_begin_opens_a_default_run(paper, repository):
 
 def test_begin_puts_coerced_values_back(paper):
     namespace = values(paper, n_trials=400.0)
-    run.begin(paper, namespace)
+    publish.begin(paper, namespace)
     assert repr(namespace["n_trials"]) == "400"
 
 
 def test_begin_finds_a_misspelt_parameter(paper):
     """Papermill injects what it is given, and runs the rest with the default."""
     with pytest.raises(ValueError, match=r"'n_trails'.*the nearest is 'n_trials'") as caught:
-        run.begin(paper, values(paper, n_trails=5))
+        publish.begin(paper, values(paper, n_trails=5))
     one_line(caught)
 
 
@@ -182,21 +169,21 @@ def test_begin_does_not_mind_what_a_notebook_has(paper):
         "__name__": "__main__",
         "run": len,
     }
-    run.begin(paper, values(paper, **others))
+    publish.begin(paper, values(paper, **others))
 
 
 def test_begin_refuses_other_parameters_in_the_committed_figures(paper):
     with pytest.raises(ValueError, match="figures are for default parameters") as caught:
-        run.begin(paper, values(paper, n_trials=7))
+        publish.begin(paper, values(paper, n_trials=7))
     one_line(caught, "give another: build/try")
 
 
 def test_parameters_that_change_no_result_may_differ(paper):
-    assert run.begin(paper, values(paper, workers=3))[0].strict
+    assert publish.begin(paper, values(paper, workers=3))[0].strict
 
 
 def test_begin_with_other_parameters_and_a_folder(paper, tmp_path):
-    ledger, portfolio = run.begin(paper, values(paper, n_trials=7, out=str(tmp_path / "try")))
+    ledger, portfolio = publish.begin(paper, values(paper, n_trials=7, out=str(tmp_path / "try")))
     assert not ledger.strict
     assert portfolio.folder == tmp_path / "try"
     assert list(portfolio.folder.iterdir()) == []  # the probe is gone
@@ -265,7 +252,7 @@ def test_a_page_follows_its_notebook(repository):
 
 def test_a_page_with_a_kernel_works_where_nothing_can_be_written(repository, monkeypatch):
     (repository / "file").write_text("in the way of a folder")
-    monkeypatch.setitem(paths.PLACES, "BUILD", "file/build")
+    monkeypatch.setenv("TBDCORE_BUILD", "file/build")
     cells = {
         "algorithm": "from tbdcore import kernel\n\n\n@kernel\ndef twice(x):\n    return 2 * x",
         "parameters": "seed: int = 1",
@@ -347,7 +334,7 @@ def test_the_digest_follows_code_claims_rules_and_modules(repository, tmp_path, 
     seen = [pages.digest("tiny")]
     rewrite(repository, claims="1 + 1")
     seen.append(pages.digest("tiny"))
-    (paths.CLAIMS / "tiny.csv").write_text(tiny.CLAIMS.replace("cheap", "dear"))
+    (paths.claims() / "tiny.csv").write_text(tiny.CLAIMS.replace("cheap", "dear"))
     seen.append(pages.digest("tiny"))
     module = tmp_path / "tbdcore" / "repro" / "trials.py"
     module.write_text(module.read_text().replace("SHARES = 3", "SHARES = 4"))
@@ -371,14 +358,14 @@ def test_the_digest_does_not_see_comments_docstrings_text_cells_and_causes(
             source.replace('"""', '"""Words. ', 1) + "\n# a remark\n", encoding="utf-8"
         )
     caused = tiny.CLAIMS.replace("measured,\n", "measured,because\n")
-    (paths.CLAIMS / "tiny.csv").write_text(caused)
+    (paths.claims() / "tiny.csv").write_text(caused)
     assert caused != tiny.CLAIMS
     assert pages.digest("tiny") == before
 
 
 def test_the_digest_of_the_index_follows_verdicts_and_advice_of_all_papers(tmp_path, monkeypatch):
     shutil.copytree(
-        paths.PRODUCTS, tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg")
+        paths.products(), tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg")
     )
     monkeypatch.setenv("TBDCORE_FIGURES", str(tmp_path / "figures"))
     before, chapter = pages.digest("index"), pages.digest("track_cfar")

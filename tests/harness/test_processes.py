@@ -4,41 +4,38 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import psutil
 import pytest
 
-from tbdcore.repro import cli, commands, processes
+from tbdcore.repro import cli, commands, paths, processes
 
 LINE = "tbdcore: interrupted; finished papers are kept, nothing is half written\n"
 
 
 @pytest.mark.parametrize("number", processes.ENDING)
-def test_the_first_signal_interrupts_and_the_others_change_nothing(
-    repository, capsys, monkeypatch, number
-):
-    """Those that come in the meantime as well; afterwards the caller has its handlers again."""
+def test_a_signal_is_noted_and_looked_at(repository, capsys, monkeypatch, number):
+    """What a command is doing goes on until it looks; the caller then has its handlers again."""
 
     def interrupted(arguments):
-        try:
-            signal.raise_signal(number)
-        finally:
-            done.append(1)
-            signal.raise_signal(signal.SIGINT)
-            done.append(2)
+        signal.raise_signal(number)
+        signal.raise_signal(signal.SIGINT)
+        done.append(1)
+        processes.look(arguments.came)
+        done.append(2)
 
     done, before = [], list(map(signal.getsignal, processes.ENDING))
     monkeypatch.setattr(commands, "list_command", interrupted)
     assert cli.main(["list"]) == 130
     assert capsys.readouterr().err == LINE
-    assert done == [1, 2]
+    assert done == [1]
     assert list(map(signal.getsignal, processes.ENDING)) == before
-    assert processes.came == []
 
 
-def test_an_interrupt_whose_exception_is_lost_is_not(repository, capsys, monkeypatch):
-    """Python drops what a finalizer raises."""
+def test_a_signal_that_no_loop_has_looked_at_is_reported(repository, capsys, monkeypatch):
+    """It came in a finalizer, where Python would drop an exception, as the command ended."""
 
     class Final:
         def __del__(self):
@@ -48,10 +45,43 @@ def test_an_interrupt_whose_exception_is_lost_is_not(repository, capsys, monkeyp
         Final()
         return 0
 
-    monkeypatch.setattr(sys, "unraisablehook", lambda event: None)
     monkeypatch.setattr(commands, "list_command", lost)
     assert cli.main(["list"]) == 130
     assert capsys.readouterr().err == LINE
+
+
+@pytest.mark.parametrize("words", [["run"], ["sweep", "tiny", "shift=1,2"], ["stamp"], ["doctor"]])
+def test_every_command_that_takes_long_looks(repository, capsys, monkeypatch, words):
+    """A signal that was noted before it begins."""
+
+    def noted(arguments):
+        arguments.came.append(signal.SIGTERM)
+        return command(arguments)
+
+    name = f"{words[0]}_command"
+    command = getattr(commands, name)
+    monkeypatch.setattr(commands, name, noted)
+    monkeypatch.setattr(processes, "_watched", lambda *_: pytest.fail("it began"))
+    assert cli.main(words) == 130
+    assert capsys.readouterr().err == LINE
+
+
+def test_what_a_thread_answers_is_waited_for_until_a_signal_comes(monkeypatch):
+    monkeypatch.setattr(processes, "POLL_INTERVAL", 0.02)
+    came, asked = [], threading.Event()
+    assert processes.wait(lambda: 7, came) == 7
+    with paths.moved(TBDCORE_FIGURES="/elsewhere"):
+        assert processes.wait(paths.figures, came) == paths.figures()
+    with pytest.raises(ZeroDivisionError):
+        processes.wait(lambda: 1 / 0, came)
+
+    def asleep():
+        came.append(signal.SIGINT)
+        asked.wait(60)
+
+    with pytest.raises(KeyboardInterrupt):
+        processes.wait(asleep, came)
+    asked.set()
 
 
 def sleeper(said):
@@ -61,17 +91,16 @@ def sleeper(said):
 
 
 def test_a_call_ends_what_its_command_has_started(tmp_path, monkeypatch):
-    """When an interrupt was noted before, and its exception lost."""
-    log, before = tmp_path / "log", set(psutil.Process().children(recursive=True))
+    log, came = tmp_path / "log", []
+    before = set(psutil.Process().children(recursive=True))
 
     def tick():
         if log.read_text():
-            processes.came.append(signal.SIGINT)
+            came.append(signal.SIGINT)
 
     monkeypatch.setattr(processes, "POLL_INTERVAL", 0.1)
-    monkeypatch.setattr(processes, "came", [])
     with pytest.raises(KeyboardInterrupt):
-        processes.call(sleeper("import time; time.sleep(99)"), os.environ, log, tick)
+        processes.call(sleeper("import time; time.sleep(99)"), os.environ, log, tick, came)
     assert set(psutil.Process().children(recursive=True)) <= before
     pid = int(log.read_text())
     assert not psutil.pid_exists(pid) or not processes.runs(psutil.Process(pid))
@@ -144,11 +173,10 @@ class Popen(subprocess.Popen):
 
 subprocess.Popen = Popen
 words = [sys.executable, "-c", "import time; time.sleep(60)"]
-with processes.signals_to(processes.interrupt):
-    try:
-        processes.call(words, None, Path(sys.argv[1]), lambda: None)
-    except KeyboardInterrupt:
-        print("interrupted")
+try:
+    processes.call(words, None, Path(sys.argv[1]), lambda: None)
+except KeyboardInterrupt:
+    print("interrupted")
 """
 
 

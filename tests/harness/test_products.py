@@ -146,7 +146,7 @@ def test_a_named_index_is_a_column():
 
 
 def test_every_committed_record_is_whole():
-    records = sorted(paths.PRODUCTS.glob("*/*.json"))
+    records = sorted(paths.products().glob("*/*.json"))
     assert records
     for file in records:
         assert products.record(file)["id"] == f"{file.parent.name}/{file.stem}"

@@ -24,7 +24,7 @@ def folder(repository):
 def test_a_row_that_depends_is_counted_and_listed(folder):
     assert cli.main(["score"]) == 0
     (said, line) = sorted(
-        each for each in paths.README.read_text().splitlines() if "01_tiny" in each
+        each for each in paths.readme().read_text().splitlines() if "01_tiny" in each
     )
     words = "These depend on a [reading](data/readings.csv): "
     assert said == words + "[01_tiny](notebooks/01_tiny.ipynb) `mean`."
@@ -48,11 +48,11 @@ def test_a_row_that_depends_is_counted_and_listed(folder):
 )  # fmt: skip
 def test_one_sentence_names_the_rows_that_all_seeds_together_change(folder, together, said):
     cli.main(["score"])
-    assert "[seeds]" not in paths.README.read_text(), "without a study"
+    assert "[seeds]" not in paths.readme().read_text(), "without a study"
     row = claims.row_digest(claims.read("tiny")["order"])
     (folder / "data" / "seeds.csv").write_text(f"{SEEDS}tiny,order,10,9,1,0,0,{together},{row}\n")
     assert cli.main(["score"]) == 0
-    assert paths.README.read_text().splitlines()[-2:] == [said, "<!-- /scorecard -->"]
+    assert paths.readme().read_text().splitlines()[-2:] == [said, "<!-- /scorecard -->"]
 
 
 @pytest.mark.parametrize("field", ["value", "unit", "kind", "rule", "gone"])
@@ -65,7 +65,7 @@ def test_seeds_that_judged_another_value_or_rule_are_named_and_not_shown(folder,
     assert scorecard.stale() == [f"tiny {name}"]
     assert cli.main(["score"]) == 1
     assert f"anew: python -m benchmarks.seeds tiny {name}\n" in capsys.readouterr().err
-    assert "[seeds]" not in paths.README.read_text()
+    assert "[seeds]" not in paths.readme().read_text()
     card = pd.read_csv(folder / "figures" / "scorecard.csv")
     assert card[["seeds", "together"]].isna().all(axis=None)
     study.write_text(f"{SEEDS}tiny,order,10,9,1,0,0,differs,{claims.row_digest(row)}\n")

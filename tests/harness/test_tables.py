@@ -14,7 +14,7 @@ import pytest
 
 from benchmarks import rows, seeds, timing
 from tbdcore.repro import cite, pages, paths, products, screen, studies, tables
-from tbdcore.repro.run import Run
+from tbdcore.repro.publish import Publication
 from tests import tiny
 
 PROVENANCE = {"parameters": {}, "seed": 20, "trials": 400, "digest": "0" * 16, "versions": {}}
@@ -53,7 +53,7 @@ def limits(**changed):
 
 
 def portfolio(folder):
-    return Run("tiny", folder, PROVENANCE)
+    return Publication("tiny", folder, PROVENANCE)
 
 
 def test_methods_are_a_product_with_the_times_of_a_study(folder):
@@ -172,7 +172,7 @@ def test_a_table_is_read_as_it_was_written(folder):
 
 @pytest.mark.parametrize("paper", pages.notebooks())
 def test_the_committed_tables_have_the_times_of_the_study(paper):
-    file = paths.PRODUCTS / paper / "methods.csv"
+    file = paths.products() / paper / "methods.csv"
     if file.is_file():
         table = tables.read(file)
         assert list(table["cpu_ms"]) == studies.cost(paper, table["method"])
@@ -198,7 +198,7 @@ def test_the_tables_of_a_page_are_made_with_five_other_seeds(folder, monkeypatch
     monkeypatch.setattr(rows, "tables", lambda paper, seed: flown.setdefault(seed, made))
     other = "# python -m benchmarks.seeds other tables; seeds 21 to 25\n"
     other += ",".join(seeds.TABLE_COLUMNS) + "\nother,methods,a,b,21,1,0.1\n"
-    paths.SEEDS.with_name("tables_seeds.csv").write_text(other)
+    paths.seeds().with_name("tables_seeds.csv").write_text(other)
     for _ in range(2):  # the second time it takes the place of the first
         seeds.write_tables("tiny")
     table = studies.read("tables_seeds")
@@ -209,7 +209,7 @@ def test_the_tables_of_a_page_are_made_with_five_other_seeds(folder, monkeypatch
     lead, error = seeds.lead(own, "mean", "weighted", "one frame")
     assert lead == pytest.approx(1.0, abs=1e-5)
     assert error == pytest.approx(0.05 * math.sqrt(2 / 5), rel=0.2)
-    text = paths.SEEDS.with_name("tables_seeds.csv").read_text()
+    text = paths.seeds().with_name("tables_seeds.csv").read_text()
     assert text.count("# python -m benchmarks.seeds tiny tables; seeds 21 to 25\n") == 1
 
 
@@ -258,7 +258,7 @@ def test_the_index_shows_advice_of_some_chapters_and_methods_of_others(tmp_path,
     def kept(folder, names):
         return [name for name in names if name.endswith((".svg", ".pdf", ".png"))]
 
-    figures = shutil.copytree(paths.PRODUCTS, tmp_path / "figures", ignore=kept)
+    figures = shutil.copytree(paths.products(), tmp_path / "figures", ignore=kept)
     monkeypatch.setenv("TBDCORE_FIGURES", str(figures))
     for name in ("advice", "methods"):
         for file in (figures / "dp_tbd").glob(f"{name}.*"):

@@ -652,7 +652,7 @@ def test_the_spread_of_the_best_path_of_noise_grows_with_the_cube_root():
 
 
 def curve(name, series, panel=0):
-    table = pd.read_csv(paths.PRODUCTS / "dp_tbd" / f"{name}.csv")
+    table = pd.read_csv(paths.products() / "dp_tbd" / f"{name}.csv")
     part = table[(table["series"] == series) & (table["panel"] == panel)].set_index("x")
     return part["y"], part["se"]
 
@@ -684,7 +684,7 @@ def test_the_text_on_turns_holds_for_the_committed_run():
 
 
 def table(name, index):
-    return pd.read_csv(paths.PRODUCTS / "dp_tbd" / f"{name}.csv").set_index(index)
+    return pd.read_csv(paths.products() / "dp_tbd" / f"{name}.csv").set_index(index)
 
 
 def measured(text):
@@ -748,7 +748,7 @@ def test_scores_help_in_heavy_tails_and_harm_a_fading_target_in_exponential_nois
 
 def test_what_breaks_the_promise_is_mended():
     """Section 5.5: within 2.6 standard errors, of 500 blocks and a threshold from as many."""
-    table = pd.read_csv(paths.PRODUCTS / "dp_tbd" / "breaks.csv")
+    table = pd.read_csv(paths.products() / "dp_tbd" / "breaks.csv")
     assert table["delivered after recording"].between(0.02, 0.1).all()
     error = np.sqrt(2 * 0.05 * 0.95 / 500)
     assert (abs(table["delivered after recording"] - 0.05) < 2.6 * error).all()

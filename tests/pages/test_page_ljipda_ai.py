@@ -990,7 +990,7 @@ def test_parameters_that_judge_are_those_of_the_rules():
 
 
 def committed(name):
-    return pd.read_csv(paths.PRODUCTS / "ljipda_ai" / f"{name}.csv", index_col=0)
+    return pd.read_csv(paths.products() / "ljipda_ai" / f"{name}.csv", index_col=0)
 
 
 def test_the_sign_of_each_gap_is_open_and_the_mean_gap_is_not_the_published_one():
@@ -1074,7 +1074,7 @@ def test_what_the_text_says_of_the_causes_stands_in_the_table():
 
 def test_the_advice_on_crossing_targets_is_the_least_gain_of_its_range():
     """Row 2 up to 16 tracks, row 3 for more, where LM-AI keeps fewer pairs at 6 degrees."""
-    advice = pd.read_csv(paths.PRODUCTS / "ljipda_ai" / "advice.csv")
+    advice = pd.read_csv(paths.products() / "ljipda_ai" / "advice.csv")
     for row, rule, other in (1, "JIPDA-AI", "JIPDA"), (2, "LJIPDA-AI, largest prior", "LJIPDA"):
         gains = [shares(rule, angle)[0] - shares(other, angle)[0] for angle in (3, 6, 20)]
         assert advice.gain[row] == pytest.approx(min(gains), abs=1.01)
@@ -1097,7 +1097,7 @@ def test_what_the_text_says_of_what_breaks_it_stands_in_the_table():
 
 
 def test_what_the_text_says_of_the_map_stands_in_its_data():
-    drawn = pd.read_csv(paths.PRODUCTS / "ljipda_ai" / "open_map.csv")
+    drawn = pd.read_csv(paths.products() / "ljipda_ai" / "open_map.csv")
     rayleigh = drawn[drawn.clutter.str.startswith("Ray")].set_index(["rule", "angle", "ratio"])
     assert rayleigh.loc[("LM-AI", 3, 1.0), "swapped"] > 50
     for angle in (3, 6, 10):

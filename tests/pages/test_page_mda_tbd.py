@@ -783,7 +783,7 @@ def test_a_wrong_level_is_refused_for_frames_of_any_size_from_a_hundred_cells_on
 
 
 def test_the_offline_study_flew_the_scenes_of_the_page():
-    shown = pd.read_csv(paths.PRODUCTS / "mda_tbd" / "open_measures.csv", index_col="filter")
+    shown = pd.read_csv(paths.products() / "mda_tbd" / "open_measures.csv", index_col="filter")
     study = studies.read("mda_filters").set_index(["filter", "dB"])
     for key in ("bias", "rms", "ospa"):
         flown = study.loc[("proposed, own-cell", 6), key]

@@ -392,7 +392,7 @@ def test_no_algorithm_is_copied():
 
 def committed(name):
     """A committed table, or the data of a figure."""
-    return pd.read_csv(paths.PRODUCTS / "together" / f"{name}.csv")
+    return pd.read_csv(paths.products() / "together" / f"{name}.csv")
 
 
 def test_the_false_share_holds_on_fresh_empty_scenes():

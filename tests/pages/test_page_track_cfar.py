@@ -921,7 +921,7 @@ def test_a_track_without_a_target_is_no_contradiction(page):
 
 
 def committed(name):
-    return pd.read_csv(paths.PRODUCTS / "track_cfar" / f"{name}.csv")
+    return pd.read_csv(paths.products() / "track_cfar" / f"{name}.csv")
 
 
 def test_a_covariance_told_wrong_moves_the_constant_and_not_the_adaptive_rule():

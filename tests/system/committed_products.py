@@ -15,9 +15,9 @@ from quick_products import alike
 
 from tbdcore.repro import claims, cli, pages, paths, scorecard
 
-FRESH = paths.BUILD / "nbval"
+FRESH = paths.build() / "nbval"
 PAGES = sorted(
-    {*pages.papers(), *(path.name for path in paths.PRODUCTS.iterdir() if path.is_dir())}
+    {*pages.papers(), *(path.name for path in paths.products().iterdir() if path.is_dir())}
 )  # the index has products too
 TEXT = (".csv", ".md", ".tex", ".json")
 ONE_IN_THE_SIXTH_DIGIT = 1.1e-5
@@ -57,7 +57,7 @@ def same(ours, theirs):
 
 def first_difference(committed, fresh):
     """The first line in which two files differ, or an empty string."""
-    name = committed.relative_to(paths.ROOT)
+    name = committed.relative_to(paths.root())
     ours, theirs = lines(committed), lines(fresh)
     for number, (a, b) in enumerate(zip(ours, theirs, strict=False), start=1):
         if not same(a, b):
@@ -69,7 +69,7 @@ def first_difference(committed, fresh):
 
 @pytest.mark.parametrize("paper", PAGES)
 def test_products_are_those_of_the_notebook(paper):
-    committed, fresh = paths.PRODUCTS / paper, FRESH / paper
+    committed, fresh = paths.products() / paper, FRESH / paper
     assert fresh.is_dir(), f"{fresh} is missing: execute the notebooks first (make test)"
     assert text_files(committed) == text_files(fresh)
     for name in sorted(text_files(committed)):
@@ -83,7 +83,7 @@ def test_products_are_those_of_the_notebook(paper):
 @pytest.mark.parametrize("paper", PAGES)
 def test_every_product_is_complete(paper):
     """What a JSON announces is there, and no picture is without its JSON."""
-    folder = paths.PRODUCTS / paper
+    folder = paths.products() / paper
     for about in folder.glob("*.json"):
         kinds = {path.suffix for path in folder.glob(f"{about.stem}.*")}
         assert kinds >= {".pdf", ".svg", ".png"} or kinds >= {".csv", ".md", ".tex"}, about.name
@@ -97,7 +97,7 @@ def test_scorecard_and_readme_are_current(capsys):
 
 
 def test_the_scorecard_has_every_row_of_every_claims_file():
-    rows = (paths.PRODUCTS / "scorecard.csv").read_text(encoding="utf-8").count("\n") - 1
+    rows = (paths.products() / "scorecard.csv").read_text(encoding="utf-8").count("\n") - 1
     assert rows == sum(len(claims.read(paper)) for paper in claims.papers())
 
 
@@ -118,7 +118,7 @@ def test_what_counts_as_the_same_line(ours, theirs, agree):
 
 
 def test_the_study_of_the_seeds_has_every_judged_claim():
-    every = scorecard.with_seeds(claims.ledger(paths.PRODUCTS))
+    every = scorecard.with_seeds(claims.ledger(paths.products()))
     judged = every[every["verdict"].isin(claims.JUDGED)]
     assert judged["seeds"].notna().all()
     assert (judged["seeds"] > 0).all(), "the committed run is one of the seeds"
@@ -126,7 +126,7 @@ def test_the_study_of_the_seeds_has_every_judged_claim():
 
 @pytest.mark.parametrize("paper", pages.papers())
 def test_a_chapter_says_what_all_seeds_together_say_of_its_unsteady_numbers(paper):
-    every = scorecard.with_seeds(claims.ledger(paths.PRODUCTS))
+    every = scorecard.with_seeds(claims.ledger(paths.products()))
     own = every[(every["paper"] == paper) & (every["seeds"] < scorecard.STEADY)]
     expected = own[own["together"].isin(["reproduced", "differs"])]
     study = scorecard.study().set_index(["paper", "claim"]).loc[paper].loc[expected["id"]]

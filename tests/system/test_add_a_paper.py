@@ -171,10 +171,10 @@ def test_the_page_on_changes_names_files_and_tests_that_there_are():
     ],
 )
 def test_a_name_that_cannot_be_is_refused_and_nothing_is_written(name, says, capsys):
-    before = paths.BIBLIOGRAPHY.read_bytes()
+    before = paths.bibliography().read_bytes()
     assert cli.main(["new", name]) == 2
     assert says in capsys.readouterr().err
-    assert paths.BIBLIOGRAPHY.read_bytes() == before
+    assert paths.bibliography().read_bytes() == before
 
 
 def test_the_seeds_of_one_paper_leave_the_rows_of_the_others():

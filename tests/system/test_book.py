@@ -24,8 +24,8 @@ from playwright.sync_api import expect, sync_playwright
 
 from docs import book
 
-BOOK = paths.BUILD / "book"
-LOCK = paths.ROOT / "docs" / "environment.txt"
+BOOK = paths.build() / "book"
+LOCK = paths.root() / "docs" / "environment.txt"
 PAGES = sorted(str(file.relative_to(BOOK)) for file in BOOK.rglob("*.html"))
 PAGES = [page for page in PAGES if not page.startswith("_")]
 if not PAGES:
@@ -238,7 +238,7 @@ def test_the_first_screen_says_what_it_is(open_page):
         box = page.locator(words).first.bounding_box()
         assert box["y"] + box["height"] <= 800, words
     total = page.locator(f"{TOTAL} td").all_inner_texts()
-    row = claims.scorecard(paths.PRODUCTS).iloc[-1]
+    row = claims.scorecard(paths.products()).iloc[-1]
     counts = [row[f"measured: {verdict}"] for verdict in claims.JUDGED]
     assert total == ["all", *map(str, [sum(counts), *counts])]
 
@@ -254,22 +254,17 @@ def test_search_finds_a_word_and_lands_on_it(open_page):
 
 
 @pytest.mark.parametrize("name", CHAPTERS)
-def test_folded_code_opens_by_keyboard(open_page, name):
-    page = open_page(name)
-    fold = page.locator("details.hide").first
-    expect(fold.locator("pre")).not_to_be_visible()
-    fold.locator("summary").focus()
-    page.keyboard.press("Enter")
-    expect(fold.locator("pre")).to_be_visible()
-
-
-@pytest.mark.parametrize("name", CHAPTERS)
-def test_folds_have_names_and_no_two_follow_each_other(open_page, name):
+def test_folds_open_by_keyboard_have_names_and_no_two_follow_each_other(open_page, name):
     page = open_page(name)
     names = page.locator("details.hide > summary").all_inner_texts()
     assert all(re.search(r"Code of .+, \d+ lines?$", said.strip()) for said in names)
     bare = "div.cell:has(> details.hide):not(:has(.cell_output)) + div.cell:has(> details.hide)"
     assert page.locator(bare).count() == 0
+    fold = page.locator("details.hide").first
+    expect(fold.locator("pre")).not_to_be_visible()
+    fold.locator("summary").focus()
+    page.keyboard.press("Enter")
+    expect(fold.locator("pre")).to_be_visible()
 
 
 def test_neighbouring_folded_cells_become_one():
@@ -297,7 +292,7 @@ def test_neighbouring_folded_cells_become_one():
 
 
 def test_the_address_of_the_claims_chooses_and_keeps_what_is_chosen(open_page):
-    counts = claims.scorecard(paths.PRODUCTS).set_index("paper")
+    counts = claims.scorecard(paths.products()).set_index("paper")
     page = open_page("claims.html#paper=mda_tbd&verdict=differs&evidence=measured")
     rows = page.locator("table.claims tbody tr")
     expect(rows).to_have_count(int(counts.loc["mda_tbd", "measured: differs"]))
@@ -344,7 +339,7 @@ def test_the_book_says_what_it_was_made_from(monkeypatch):
 
 
 def test_the_filters_of_the_claims_count_as_the_scorecard(open_page):
-    page, counts = open_page("claims.html"), claims.scorecard(paths.PRODUCTS).set_index("paper")
+    page, counts = open_page("claims.html"), claims.scorecard(paths.products()).set_index("paper")
 
     def choose(word):
         page.locator("div.dtsp-searchPane td", has=page.get_by_text(word, exact=True)).click()
@@ -384,7 +379,7 @@ def test_a_link_to_a_claim_lands_on_its_row(open_page):
 
 def test_the_lock_pins_with_hashes_what_the_environment_lacks():
     pins = re.compile(r"^([\w.-]+)==\S+ (?:;.*)?\\\n +--hash=sha256:", re.MULTILINE)
-    own, known = (file.read_text(encoding="utf-8") for file in (LOCK, paths.LOCK))
+    own, known = (file.read_text(encoding="utf-8") for file in (LOCK, paths.lock()))
     assert len(pins.findall(own)) == len(re.findall(r"^\w", own, re.MULTILINE)) > 20
     assert not set(pins.findall(own)) & set(pins.findall(known))
 
@@ -393,7 +388,7 @@ def test_the_lock_pins_with_hashes_what_the_environment_lacks():
 
 
 def test_a_row_that_depends_shows_its_readings():
-    every = scorecard.with_seeds(claims.ledger(paths.PRODUCTS))
+    every = scorecard.with_seeds(claims.ledger(paths.products()))
     every = every.assign(verdict="depends", readings="1 of 2: m reproduced, m-r differs")
     row = next(every.itertuples())
     cells = book.claim_row(book.Chapter(row.paper), row, [])
@@ -416,9 +411,9 @@ def test_a_retired_figure_has_a_place_in_the_book(monkeypatch):
 def copy(tmp_path):
     """A copy of the repository with an old book."""
     for name in ("benchmarks", "data", "docs", "figures", "notebooks", "tests"):
-        shutil.copytree(paths.ROOT / name, tmp_path / name)
+        shutil.copytree(paths.root() / name, tmp_path / name)
     for name in (*book.FILES, "pyproject.toml"):
-        shutil.copy(paths.ROOT / name, tmp_path / name)
+        shutil.copy(paths.root() / name, tmp_path / name)
     (tmp_path / "build" / "book").mkdir(parents=True)
     (tmp_path / "build" / "book" / "index.html").write_text("old")
     return tmp_path
@@ -455,7 +450,7 @@ WRONG = {
 @pytest.mark.parametrize("says", WRONG)
 def test_a_book_that_cannot_be_built_leaves_the_old_one(copy, says):
     WRONG[says](copy)
-    words = {"TBDCORE_REPOSITORY": str(copy), "PYTHONPATH": str(paths.ROOT)}
+    words = {"TBDCORE_REPOSITORY": str(copy), "PYTHONPATH": str(paths.root())}
     command = [sys.executable, str(copy / "docs" / "book.py")]
     run = subprocess.run(command, env=os.environ | words, capture_output=True, text=True)
     assert run.returncode == 1

@@ -74,6 +74,37 @@ def test_the_callers_folder_encoding_and_a_closed_clone_change_nothing(folder, t
     assert (listed.returncode, listed.stdout) == (0, "tiny        01_tiny.ipynb         \\u03bc\n")
 
 
+RC = "lines.linewidth: 7\nfont.family: serif\nsavefig.dpi: 30\naxes.grid: False\nbackend: pdf\n"
+STARTUP = """import matplotlib, numpy, tbdcore.repro.figures as figures
+matplotlib.rcParams["lines.linewidth"] = figures.STYLE["lines.linewidth"] = 9
+numpy.random.Generator = None
+"""
+
+
+def test_a_matplotlibrc_and_startup_files_of_the_user_change_no_product(folder, tmp_path):
+    made, home = tiny.products(folder), tmp_path / "home"
+    startup = home / ".ipython" / "profile_default" / "startup"
+    startup.mkdir(parents=True)
+    (startup / "00-mine.py").write_text(STARTUP)
+    (startup.parent / "ipython_config.py").write_text(
+        "c.InteractiveShellApp.exec_lines = ['1 / 0', 'import os; os._exit(9)']\n"
+    )
+    for place in (home / ".config" / "matplotlib", home / ".matplotlib", folder):
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "matplotlibrc").write_text(RC)
+    own = {"HOME": str(home), "IPYTHONDIR": str(home / ".ipython")}
+    own |= {"MATPLOTLIBRC": str(folder / "matplotlibrc"), "XDG_CONFIG_HOME": str(home / ".config")}
+    options = {"cwd": folder, "env": tiny.environment(folder) | own}
+    words = tiny.command("run", "tiny", "--workers", "2")
+    ran = subprocess.run(words, capture_output=True, text=True, **options)
+    assert ran.returncode == 0, ran.stderr
+    again = tiny.products(folder)
+    assert {name: content for name, (content, _) in again.items()} == {
+        name: content for name, (content, _) in made.items()
+    }
+    assert all(again[name][1] > made[name][1] for name in made)
+
+
 def failing(folder, *words, **cells):
     """What a run with some other cells says when it fails; the products are untouched."""
     made = tiny.products(folder)

@@ -28,10 +28,10 @@ def begin(paper, namespace):
     if pages.has_ledger(paper):
         ledger = claims.Ledger(paper, strict=not pages.changed(paper, values))
     artist = trials.process() if trials.cores() > 1 else None
-    return ledger, Run(paper, folder, pages.provenance(paper, values), artist)
+    return ledger, Publication(paper, folder, pages.provenance(paper, values), artist)
 
 
-class Run(figures.Portfolio):
+class Publication(figures.Portfolio):
     """The portfolio of a notebook, which its last cell publishes."""
 
     def publish(self, ledger=None):
@@ -55,5 +55,5 @@ class Run(figures.Portfolio):
         judged = "no claims" if ledger is None else f"{len(table)} claims ({ledger.summary()})"
         print(f"{self.paper}: {judged}; {len(files)} files")
         default = self.provenance.get("remake") == f"tbdcore run {self.paper}"
-        if default and self.folder == paths.PRODUCTS.resolve():
+        if default and self.folder == paths.products().resolve():
             screen.refresh(self.paper)
