@@ -124,8 +124,8 @@ def _left(change, printed):
         return []
     page, lines = pages.path(change.paper), []
     for number, cell in enumerate(json.loads(page.read_text(encoding="utf-8"))["cells"]):
-        if printed := re.search(rf"(?<![\d.])({'|'.join(old)})(?!\.?\d)", "".join(cell["source"])):
-            lines.append(f"{page.name}, cell {number}, still has {printed[0]}, of {change.id}")
+        if copied := re.search(rf"(?<![\d.])({'|'.join(old)})(?!\.?\d)", "".join(cell["source"])):
+            lines.append(f"{page.name}, cell {number}, still has {copied[0]}, of {change.id}")
     return lines
 
 

@@ -275,18 +275,18 @@ def flown(paper, folder=None):
     From the file beside the folder of the claims, made by ``benchmarks/readings.py``.  ValueError
     as :func:`records` raises.
     """
-    listed, path = papers(folder), (folder or paths.claims()).parent / "readings_flown.csv"
+    chapters, path = papers(folder), (folder or paths.claims()).parent / "readings_flown.csv"
 
     @functools.cache
     def ids_and_readings(name):
-        return (read(name, folder), readings(name, folder)) if name in listed else ({}, {})
+        return (read(name, folder), readings(name, folder)) if name in chapters else ({}, {})
 
     def faults(it):
         ids, listed = ids_and_readings(it.paper)
         options = sorted(_options(listed, it.row))
         lost = [each for each in _items(it.reading) if each not in ("default", *options)]
         return [
-            ("paper", it.paper not in listed, f"the nearest is {nearest(it.paper, listed)!r}"),
+            ("paper", it.paper not in chapters, f"the nearest is {nearest(it.paper, chapters)!r}"),
             ("row", it.row not in ids, f"the nearest claim is {nearest(it.row, ids)!r}"),
             ("reading", lost, f"delete the line; living options are {'; '.join(options)}"),
             *_empty(it, "reading", "measured", "digest"),
