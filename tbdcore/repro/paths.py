@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]  # the modules themselves, wherever they are installed
-_MOVED = ContextVar("folders that the present command has moved, by variable", default={})  # noqa: B039
+_MOVED: ContextVar[dict] = ContextVar("folders that a command has moved", default={})  # noqa: B039
 
 
 def root():
