@@ -138,8 +138,8 @@ FAULTS = [
     Plant(
         "a resampler off by one",
         "tbdcore/particles.py",
-        "return np.cumsum(passed[:M])",
-        "return np.cumsum(passed[:M]) - passed[:M]",
+        "while n < last and end <= (m + u) * step:",
+        "while n < last and end <= (m + 1 + u) * step:",
         "kernels/test_particles.py::test_copies_differ_from_their_mean_by_less_than_one",
     ),
     Plant(
@@ -178,11 +178,11 @@ FAULTS = [
         "kernels/test_dynprog.py::test_conventional_forward_pass_is_a_maximum_filter",
     ),
     Plant(
-        "the power after the assignment",
-        "tbdcore/score.py",
-        "total = cost[linear_sum_assignment(cost)].sum()",
-        "total = cost[linear_sum_assignment(cost ** (1 / p))].sum()",
-        "kernels/test_ospa.py::test_ospa_takes_the_power_before_the_assignment",
+        "a distance beyond the cutoff",
+        "tbdcore/kernels/mda_tbd.py",
+        "distance = np.minimum(np.sqrt(np.sum(np.square(x - truth), axis=-1)), c)",
+        "distance = np.sqrt(np.sum(np.square(x - truth), axis=-1))",
+        "kernels/test_ospa_bernoulli.py::test_bernoulli_ospa_is_ospa_of_at_most_one_point",
     ),
     Plant(
         "the first crossing for the last",
