@@ -82,8 +82,8 @@ STEP = (np.zeros(1, int), np.zeros((1, 5)), PI, 1.0, np.zeros(1), np.zeros((1, 2
 @pytest.mark.parametrize(
     ("at", "value", "words"),
     [
-        (0, np.array([3]), "regime"),
-        (0, np.array([-1]), "regime"),
+        (0, np.array([3]), r"r\[0\]: 3"),
+        (0, np.array([-1]), r"r\[0\]: -1"),
         (2, PI + 0.1, "row of Pi"),
         (2, np.array([[2.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "row of Pi"),
         (4, np.ones(1), "u not in"),

@@ -81,7 +81,7 @@ def test_copies_and_histories(ancestors, regimes, births):
     r, S = np.array(regimes, int), np.arange(5.0 * len(regimes)).reshape(-1, 5)
     out = result(mm_pf_tbd.copy_particles, r, S, np.array(ancestors, int))
     inside = all(0 <= n < len(r) for n in ancestors)
-    if inside and all(0 <= r[n] <= 2 for n in ancestors):
+    if inside and ((r >= 0) & (r <= 2)).all():
         assert out[2].sum() == len(ancestors)
         assert (out[1] == S[np.array(ancestors, int)]).all()
     else:
