@@ -12,15 +12,4 @@ EXAMPLES = {
     "threshold": lambda: {"p_false": np.array([0.5, 0.25])},
     "detection_probability": lambda: {"eta": np.array([1.0, 2.0]), "snr": np.array([3.0, 4.0])},
     "required_snr": lambda: {"p_detect": np.array([0.5, 0.75]), "p_false": np.array([0.25, 0.125])},
-    "radar_equation": lambda: {"r": np.array([1.0, 2.0]), "snr0": 3.0, "r0": 4.0},
-    "amplitude_ratio": lambda: {"excess": np.array([0.0, 0.5, 2.0]), "snr": np.array([3.0, 4.0])},
-    "false_plot": lambda: {
-        "u": 0.25,
-        "v": np.array([0.5, 0.25]),
-        "centre": np.array([100.0, 0.5]),
-        "half": np.array([50.0, 0.25]),
-        "cell": np.array([10.0, 0.125]),
-        "p_false": 0.125,
-        "nth": 0,
-    },
 }

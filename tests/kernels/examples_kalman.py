@@ -8,17 +8,8 @@ H, R, Z = np.eye(4)[::2].copy(), np.array([[16.0, 1.0], [1.0, 8.0]]), np.array([
 F = np.kron(np.eye(2), [[1.0, 2.0], [0.0, 1.0]])
 
 
-def two(a):
-    """The same for two tracks."""
-    return np.array([a, a])
-
-
 def one_track():
     return {"x": X.copy(), "P": P.copy()}
-
-
-def tracks():
-    return {"x": two(X), "P": two(P)}
 
 
 EXAMPLES = {
@@ -40,14 +31,4 @@ EXAMPLES = {
         "var2": np.array([8.0, 1.0]),
         "T": 2.0,
     },
-    "predict_cv": lambda: one_track() | {"T": 2.0, "q": 0.5},
-    "gate_polar": lambda: one_track() | {"var_r": 16.0, "var_a": 0.5},
-    "update_polar": lambda: one_track() | {"y_r": 8.0, "y_a": 0.5, "var_r": 16.0, "var_a": 0.5},
-    "predict_tracks": lambda: tracks() | {"F": two(F), "Q": np.eye(4)},
-    "gate_tracks": lambda: tracks() | {"var_r": 16.0, "var_a": 0.5},
-    "update_mixture": lambda: (
-        tracks()
-        | {"D": two(R), "z": X[None, ::2] + 8.0, "beta": np.array([[0.25, 0.75], [1.0, 0.0]])}
-    ),
-    "position_bound": lambda: {"F": two(F)[None], "R": two(two(R)), "P": two(P), "p_detect": 0.5},
 }

@@ -2,23 +2,11 @@
 
 import numpy as np
 
-FREE = {("normalise", "lw"), ("systematic", "W"), ("copy_particles", "S"), ("inherit", "H")}
+FREE = {("normalise", "lw"), ("systematic", "W")}
 FREE |= {("existence_update", "log_ratio")}
-ANCESTORS = np.array([0, 2, 2])
 EXAMPLES = {
     "normalise": lambda: {"lw": np.array([0.0, 1.5, -2.0])},
     "existence_predict": lambda: {"P": 0.5, "p_birth": 0.25, "p_survive": 0.75},
     "existence_update": lambda: {"P": 0.5, "log_ratio": 1.5},
     "systematic": lambda: {"W": np.array([0.25, 0.5, 1.0]), "M": 5, "u": 0.5},
-    "copy_particles": lambda: {
-        "r": np.array([0, 1, 2]),
-        "S": np.arange(15.0).reshape(3, 5),
-        "ancestors": ANCESTORS.copy(),
-    },
-    "inherit": lambda: {
-        "H": np.arange(12.0).reshape(2, 2, 3),
-        "age": np.array([1, 2, 3]),
-        "ancestors": ANCESTORS.copy(),
-        "births": 2,
-    },
 }

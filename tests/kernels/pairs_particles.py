@@ -3,7 +3,6 @@
 import numpy as np
 
 from tbdcore import particles
-from tbdcore.kernels import mda_tbd, mm_pf_tbd
 
 
 def weights(n, seed=0):
@@ -47,45 +46,5 @@ CASES += [
         lambda: (normalised(np.zeros(10)), 10, 0.5),
         lambda: (normalised(np.array([-2.0])), 3, 0.7),
         lambda: (normalised(np.array([-1e308, 1e308])), 3, 0.3),
-    )
-]
-
-
-def cloud(n, M, regimes=3, seed=2):
-    rng = np.random.default_rng(seed)
-    return (
-        rng.integers(0, regimes, n),
-        rng.normal(size=(n, 5)),
-        np.sort(rng.integers(0, max(n, 1), M)),
-    )
-
-
-CASES += [
-    ("copy_particles", mm_pf_tbd.copy_particles, mm_pf_tbd.copy_particles_spec, args)
-    for args in (
-        lambda: cloud(400, 200),
-        lambda: cloud(20, 70),
-        lambda: cloud(9, 5, regimes=1),
-        lambda: cloud(0, 0),
-        lambda: cloud(5, 0),
-    )
-]
-
-
-def histories(window, samples, n, M, births, seed=3):
-    rng = np.random.default_rng(seed)
-    H, age = rng.random((window, samples, n)), rng.integers(0, window + 1, n)
-    return H, age, np.sort(rng.integers(0, max(n, 1), M)), births
-
-
-CASES += [
-    ("inherit", mda_tbd.inherit, mda_tbd.inherit_spec, args)
-    for args in (
-        lambda: histories(8, 1, 90, 60, 30),
-        lambda: histories(3, 2, 9, 20, 1),
-        lambda: histories(0, 1, 9, 7, 2),
-        lambda: histories(4, 1, 5, 5, 0),
-        lambda: histories(2, 1, 0, 0, 3),
-        lambda: histories(2, 0, 4, 3, 0),
     )
 ]

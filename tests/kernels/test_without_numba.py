@@ -19,10 +19,11 @@ x, P = track_cfar.predict_cv(np.ones(4), np.eye(4), 2.0, 0.5)
 y, Q = track_cfar.predict_cv_spec(np.ones(4), np.eye(4), 2.0, 0.5)
 np.testing.assert_allclose(x, y)
 np.testing.assert_allclose(P, Q)
-import pairs_association, pairs_kalman, pairs_motion, pairs_particles
+import pairs_kalman, pairs_ljipda_ai, pairs_mm_pf_tbd, pairs_particles, pairs_track_cfar
 import test_pairs
 
-for module in (pairs_association, pairs_kalman, pairs_motion, pairs_particles):
+modules = pairs_kalman, pairs_ljipda_ai, pairs_mm_pf_tbd, pairs_particles, pairs_track_cfar
+for module in modules:
     for name, kernel, spec, arguments in module.CASES[:12]:
         test_pairs.test_kernel_equals_its_specification(kernel, spec, arguments)
 print("agree")

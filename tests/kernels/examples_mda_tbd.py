@@ -1,4 +1,4 @@
-"""A valid call of each public function of ``sensor``, for the contract of arguments."""
+"""A valid call of each public function of ``kernels.mda_tbd``, for the contract of arguments."""
 
 import numpy as np
 
@@ -20,34 +20,12 @@ def intense():
     return particles() | {"snr": np.array([4.0, 0.0, 2.5]), "spread": SPREAD}
 
 
-FREE = {("blob_image", "x"), ("blob_image", "y"), ("blob_log_ratio", "S"), ("cell_power", "z")}
+FREE = {("cell_power", "z"), ("inherit", "H"), ("ospa_bernoulli", "x"), ("ospa_bernoulli", "truth")}
 FREE |= {("add_target", name) for name in ("rho", "alpha", "power")}
 FREE |= {("polar_cells", "x"), ("polar_cells", "y")}
 for function in ("power_log_ratio", "coherent_log_ratio", "patch_fit", "cell_power"):
     FREE |= {(function, "rho"), (function, "alpha")}
 EXAMPLES = {
-    "blob_peak": lambda: {"intensity": 18.0, "blur": 0.5, "delta": 2.0},
-    "blob_image": lambda: {
-        "x": np.array([2.0, 3.5]),
-        "y": np.array([1.0, 2.5]),
-        "peak": 4.0,
-        "blur": 0.5,
-        "shape": np.array([5, 4]),
-    },
-    "blob_log_ratio": lambda: {
-        "z": power(),
-        "S": np.array([[2.0, 0.5, 3.0], [4.25, 1.0, 5.0], [7.0, 0.0, 1.5]]),
-        "r": np.array([1, 2, 0]),
-        "peak": 4.0,
-        "blur": 0.5,
-        "noise": 2.0,
-    },
-    "point_amplitude": lambda: {"snr_db": np.array([0.0, 6.0]), "sigma": 2.0},
-    "point_frames": lambda: {
-        "noise": np.arange(24.0).reshape(2, 4, 3),
-        "cells": np.array([[0, 2], [3, 1]]),
-        "amplitude": np.array([2.0, 3.0]),
-    },
     "polar_grid": lambda: {
         **{"r_min": 1000.0, "r_max": 1080.0, "a_min": 0.5, "a_max": 1.25},
         **{"dr": 10.0, "da": 0.125},
@@ -72,4 +50,24 @@ EXAMPLES = {
     "coherent_log_ratio": lambda: intense() | {"step": 0.5},
     "cell_power": particles,
     "patch_fit": lambda: particles() | {"spread": SPREAD},
+    "inherit": lambda: {
+        "H": np.arange(12.0).reshape(2, 2, 3),
+        "age": np.array([1, 2, 3]),
+        "ancestors": np.array([0, 2, 2]),
+        "births": 2,
+    },
+    "ospa_bernoulli": lambda: {
+        "x": np.array([[1.0, 2.0], [3.0, 4.0]]),
+        "existence": np.array([1.0, 0.0]),
+        "truth": np.array([[4.0, 6.0], [5.0, 5.0]]),
+        "c": 8.0,
+        "threshold": 0.5,
+    },
+    "column_test": lambda: {
+        "measured": np.array([1.0, 2.0]),
+        "printed": np.array([1.5, 2.5]),
+        "covariance": np.array([[1.0, 0.25], [0.25, 2.0]]),
+        "ratio": 0.5,
+        "half": 0.25,
+    },
 }

@@ -1,4 +1,4 @@
-"""Kernels of ``dynprog`` beside their specifications: (name, kernel, spec, arguments)."""
+"""``dp_tbd`` beside their specifications: (name, kernel, spec, arguments)."""
 
 import numpy as np
 

@@ -1,43 +1,12 @@
-"""``sensor`` beside its specifications: (name, function, specification, arguments)."""
+"""``mda_tbd`` beside its specifications: (name, function, specification, arguments)."""
 
 import functools
 
 import numpy as np
 
-from tbdcore.kernels import mda_tbd, mm_pf_tbd
+from tbdcore.kernels import mda_tbd
 
-
-def blob_case(n, shape=(30, 20), blur=0.6, seed=4):
-    """Particles inside, on the edges and corners, half a cell outside and far outside, and absent
-    ones.
-    """
-    rng = np.random.default_rng(seed)
-    S = rng.uniform(-3, max(shape) + 3, (n, 5))
-    corners = [
-        (0.5, 0.5),
-        (shape[0] + 0.5, 1.0),
-        (1.0, shape[1] + 0.4999),
-        (0.4999, 3.0),
-        (1e9, -1e9),
-        (2.5, 3.5),
-    ]
-    for row, (x, y) in zip(S, corners, strict=False):
-        row[[0, 2]] = x, y
-    return rng.normal(0, 2.3, shape), S, rng.integers(0, 3, n), 8.0, blur, 2.3
-
-
-CASES = [
-    ("blob_log_ratio", mm_pf_tbd.blob_log_ratio, mm_pf_tbd.blob_log_ratio_spec, args)
-    for args in (
-        lambda: blob_case(500),
-        lambda: blob_case(100, blur=0.9),
-        lambda: blob_case(60, shape=(3, 2)),  # the patch is wider than the frame
-        lambda: blob_case(0),
-        lambda: blob_case(20, shape=(0, 4)),
-        lambda: blob_case(50, shape=(1, 1)),
-        lambda: blob_case(50, blur=0.02),
-    )
-]
+CASES = []
 
 
 def polar_case(spread, n=200, shape=(60, 40), seed=6):
@@ -87,3 +56,22 @@ for spread, options in (
             lambda make=make: (*make()[:3], make()[4]),
         ),
     ]
+
+
+def histories(window, samples, n, M, births, seed=3):
+    rng = np.random.default_rng(seed)
+    H, age = rng.random((window, samples, n)), rng.integers(0, window + 1, n)
+    return H, age, np.sort(rng.integers(0, max(n, 1), M)), births
+
+
+CASES += [
+    ("inherit", mda_tbd.inherit, mda_tbd.inherit_spec, args)
+    for args in (
+        lambda: histories(8, 1, 90, 60, 30),
+        lambda: histories(3, 2, 9, 20, 1),
+        lambda: histories(0, 1, 9, 7, 2),
+        lambda: histories(4, 1, 5, 5, 0),
+        lambda: histories(2, 1, 0, 0, 3),
+        lambda: histories(2, 0, 4, 3, 0),
+    )
+]

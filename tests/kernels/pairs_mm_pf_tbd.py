@@ -1,4 +1,4 @@
-"""Kernels of ``motion`` beside their specifications: (name, kernel, specification, arguments)."""
+"""``mm_pf_tbd`` beside their specifications: (name, function, specification, arguments)."""
 
 import numpy as np
 
@@ -71,4 +71,58 @@ def certain(regime, redraw):
 CASES += [
     ("transition", mm_pf_tbd.transition, mm_pf_tbd.transition_spec, lambda a=args: certain(*a))
     for args in ((0, True), (1, True), (2, True), (1, False), (2, False))
+]
+
+
+def blob_case(n, shape=(30, 20), blur=0.6, seed=4):
+    """Particles inside, on the edges and corners, half a cell outside and far outside, and absent
+    ones.
+    """
+    rng = np.random.default_rng(seed)
+    S = rng.uniform(-3, max(shape) + 3, (n, 5))
+    corners = [
+        (0.5, 0.5),
+        (shape[0] + 0.5, 1.0),
+        (1.0, shape[1] + 0.4999),
+        (0.4999, 3.0),
+        (1e9, -1e9),
+        (2.5, 3.5),
+    ]
+    for row, (x, y) in zip(S, corners, strict=False):
+        row[[0, 2]] = x, y
+    return rng.normal(0, 2.3, shape), S, rng.integers(0, 3, n), 8.0, blur, 2.3
+
+
+CASES += [
+    ("blob_log_ratio", mm_pf_tbd.blob_log_ratio, mm_pf_tbd.blob_log_ratio_spec, args)
+    for args in (
+        lambda: blob_case(500),
+        lambda: blob_case(100, blur=0.9),
+        lambda: blob_case(60, shape=(3, 2)),  # the patch is wider than the frame
+        lambda: blob_case(0),
+        lambda: blob_case(20, shape=(0, 4)),
+        lambda: blob_case(50, shape=(1, 1)),
+        lambda: blob_case(50, blur=0.02),
+    )
+]
+
+
+def generation(n, M, regimes=3, seed=2):
+    rng = np.random.default_rng(seed)
+    return (
+        rng.integers(0, regimes, n),
+        rng.normal(size=(n, 5)),
+        np.sort(rng.integers(0, max(n, 1), M)),
+    )
+
+
+CASES += [
+    ("copy_particles", mm_pf_tbd.copy_particles, mm_pf_tbd.copy_particles_spec, args)
+    for args in (
+        lambda: generation(400, 200),
+        lambda: generation(20, 70),
+        lambda: generation(9, 5, regimes=1),
+        lambda: generation(0, 0),
+        lambda: generation(5, 0),
+    )
 ]

@@ -1,4 +1,4 @@
-"""A valid call of each public function of ``dynprog``, for the contract of arguments."""
+"""A valid call of each public function of ``kernels.dp_tbd``, for the contract of arguments."""
 
 import numpy as np
 
@@ -38,5 +38,11 @@ EXAMPLES = {
         "I": np.arange(2 * 2 * 2 * 6 * 5.0).reshape(2, 2, 2, 6, 5) % 11.0,
         "state": np.array([1, 0, 3, 2]),
         **way(),
+    },
+    "point_amplitude": lambda: {"snr_db": np.array([0.0, 6.0]), "sigma": 2.0},
+    "point_frames": lambda: {
+        "noise": np.arange(24.0).reshape(2, 4, 3),
+        "cells": np.array([[0, 2], [3, 1]]),
+        "amplitude": np.array([2.0, 3.0]),
     },
 }
