@@ -42,6 +42,8 @@ __all__ += ["integers", "number", "numbers"]
 MOST = float(np.finfo(float).max)
 TINY, ROUNDING = float(np.finfo(float).tiny), 1e-9
 LARGEST = 2**30  # numbers in one array, 8 GB
+DEFECTS = ("none", "a variance is negative", "a matrix is not symmetric")
+DEFECTS += ("a matrix has a negative eigenvalue",)
 _DOUBLE, _SINGLE, _INT = np.dtype(float), np.dtype(np.float32), np.dtype(np.int64)
 Array = np.ndarray
 Function = TypeVar("Function", bound=Callable)
@@ -222,13 +224,9 @@ class Covariance(Numbers):
 
     def limit(self, name, a):
         super().limit(name, a)
-        if not (a.diagonal(0, -2, -1) >= 0).all():
-            raise ValueError(f"{name}: a variance is negative; correct it")
-        stack = a.reshape(-1, *a.shape[-2:])
-        if a.size and not _symmetric(stack):
-            raise ValueError(f"{name}: a matrix is not symmetric; give covariances")
-        if a.size and not _semidefinite(stack):
-            raise ValueError(f"{name}: a matrix has a negative eigenvalue; give covariances")
+        defect = _defect(a.reshape(-1, *a.shape[-2:])) if a.size else 0
+        if defect:
+            raise ValueError(f"{name}: {DEFECTS[defect]}; give covariances")
 
 
 class Integers(Numbers):
@@ -400,36 +398,30 @@ def _outside(flat, low, high, nan):
 
 
 @kernel
-def _deviations(P):
-    """Standard deviations (d,); a variance below 1e-15 of the largest counts as that: rounding."""
-    variances = np.diag(P)
-    return np.sqrt(np.maximum(variances, max(1e-15 * variances.max(), TINY)))
+def _defect(stack):
+    """What is wrong with a stack of covariances (n, d, d), an index of DEFECTS.
 
-
-@kernel
-def _symmetric(stack):
-    """Whether matrices (n, d, d) are symmetric, up to 1e-9 of the two standard deviations."""
+    Eigenvalues are those of the correlations, by Cholesky's method.  A variance below 1e-15 of the
+    largest one counts as that: what is lost in rounding.
+    """
+    d = stack.shape[1]
+    sd, L = np.empty(d), np.empty((d, d))
     for P in stack:
-        sd = _deviations(P)
-        for i in range(sd.size):
-            for j in range(i):
-                if abs(P[i, j] - P[j, i]) > ROUNDING * sd[i] * sd[j]:
-                    return False
-    return True
-
-
-@kernel
-def _semidefinite(stack):
-    """Whether no matrix of correlations (n, d, d) has an eigenvalue below -1e-9, by Cholesky."""
-    L = np.empty(stack.shape[1:])
-    for P in stack:
-        sd = _deviations(P)
-        for i in range(sd.size):
+        least = TINY
+        for i in range(d):
+            if not P[i, i] >= 0.0:
+                return 1
+            least = max(least, 1e-15 * P[i, i])
+        for i in range(d):
+            sd[i] = math.sqrt(max(P[i, i], least))
+        for i in range(d):
             for j in range(i + 1):
+                if abs(P[i, j] - P[j, i]) > ROUNDING * sd[i] * sd[j]:
+                    return 2
                 rest = P[i, j] / sd[i] / sd[j] + (ROUNDING if i == j else 0.0)
                 for l in range(j):
                     rest -= L[i, l] * L[j, l]
                 if i == j and not rest > 0.0:
-                    return False
+                    return 3
                 L[i, j] = math.sqrt(rest) if i == j else rest / L[j, j]
-    return True
+    return 0

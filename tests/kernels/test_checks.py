@@ -12,6 +12,7 @@ import pytest
 import tbdcore
 from tbdcore import checks, kernel, score
 from tbdcore.checks import ArrayLike, Integer, Number, Numbers, checked
+from tbdcore.kernels import dp_tbd, mm_pf_tbd
 
 
 @pytest.mark.parametrize("check", [checks.array, checks.numbers, checks.integers])
@@ -108,3 +109,33 @@ def test_a_refusal_of_single_precision_does_not_warn():
         warnings.simplefilter("error")
         with pytest.raises(ValueError, match=r"^x\[1\]: nan is not finite$"):
             checks.numbers("x", np.array([1, np.nan], np.float32), 2, low=-checks.MOST)
+
+
+def test_the_limit_of_memory_is_that_of_the_array_that_is_made(monkeypatch):
+    monkeypatch.setattr(checks, "LARGEST", 81)
+    frames = np.zeros((1, 5, 5))
+    assert dp_tbd.margin(frames, 2).size == 81
+    with pytest.raises(ValueError, match=r"^dp_tbd.margin: width: 1 x 11 x 11 numbers are more"):
+        dp_tbd.margin(frames, 3)
+    assert mm_pf_tbd.blob_image(np.ones(9), np.ones(9), 1.0, 1.0, (3, 3)).size == 81
+    with pytest.raises(ValueError, match=r"blob_image: shape: 9 x 3 x 4 numbers are more"):
+        mm_pf_tbd.blob_image(np.ones(9), np.ones(9), 1.0, 1.0, (3, 4))
+
+
+@pytest.mark.parametrize(
+    ("P", "said"),
+    [
+        ([[4.0, 2.0], [2.0, 1.0]], None),  # a correlation of one
+        ([[0.0, 0.0], [0.0, 0.0]], None),
+        ([[1e8, 9e-5], [9e-5, 0.0]], None),  # below the rounding of the larger one
+        ([[4.0, 2.0], [2.0 + 1.9e-9, 1.0]], None),
+        ([[4.0, 2.0], [2.0 + 2.1e-9, 1.0]], "a matrix is not symmetric"),
+        ([[4.0, 2.0 + 3e-9], [2.0 + 3e-9, 1.0]], "a matrix has a negative eigenvalue"),
+        ([[1e8, 1.0], [1.0, 0.0]], "a matrix has a negative eigenvalue"),
+        ([[4.0, 0.0], [0.0, -1e-300]], "a variance is negative"),
+        (np.eye(3) * 2 - 1.0, "a matrix has a negative eigenvalue"),
+    ],
+)
+def test_covariances_are_refused_beyond_rounding(P, said):
+    stack = np.array([np.eye(len(P)), P])
+    assert checks.DEFECTS[checks._defect(stack)] == (said or "none")

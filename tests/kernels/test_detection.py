@@ -48,37 +48,12 @@ def test_fourth_power_law_and_decibels():
     assert np.isclose(detection.from_db(detection.to_db(7.3)), 7.3)
 
 
+def test_no_snr_makes_a_detection_certain():
+    with pytest.raises(ValueError, match=r"required_snr: p_detect: 1 is not in"):
+        detection.required_snr(1.0, 0.1)
+
+
 @pytest.mark.parametrize("bad", [0.0, -0.1, 1.1])
 def test_bad_false_alarm_probability(bad):
     with pytest.raises(ValueError, match="is not in"):
         detection.threshold(bad)
-
-
-def test_false_plots_fire_as_independent_cells():
-    """Counts over many draws: P(at least one), the mean number, and where in the gate."""
-    rng, n, p = np.random.default_rng(2), 60_000, 0.3
-    centre, half, cell = (1030.0, 0.05), (70.0, 0.03), (100.0, 0.04)
-    low, high = np.array(centre) - half, np.array(centre) + half
-    edges = [
-        np.arange(np.floor(a / w), np.ceil(b / w) + 1) * w
-        for a, b, w in zip(low, high, cell, strict=True)
-    ]
-    shares = [
-        np.diff(np.clip(e, a, b)) / w for e, a, b, w in zip(edges, low, high, cell, strict=True)
-    ]
-    beta = np.outer(*shares).ravel()
-    counts, places = np.zeros(n, int), []
-    for m, (u, v0, v1) in enumerate(rng.random((n, 3))):
-        while (plot := track_cfar.false_plot(u, (v0, v1), centre, half, cell, p, counts[m]))[0]:
-            counts[m] += 1
-            places.append(plot[1:])
-    none = np.prod(1 - beta * p)
-    assert abs((counts == 0).mean() - none) < 4 * np.sqrt(none * (1 - none) / n)
-    assert abs(counts.mean() - (beta * p).sum()) < 4 * np.sqrt(
-        (beta * p * (1 - beta * p)).sum() / n
-    )
-    places = np.array(places)
-    assert (np.abs(places) <= half).all()
-    np.testing.assert_allclose(
-        places.mean(axis=0) / half, 0, atol=4 / np.sqrt(3 * len(places)) * 1.2
-    )  # uniform in the gate

@@ -62,7 +62,7 @@ def _specified():
 def test_every_kernel_has_a_specification_and_a_case():
     tested = {case[1] for case in CASES}
     untested = [function.__name__ for function in _specified() if function not in tested]
-    assert set(untested) <= {"coherent_log_ratio"}  # in test_sensor, within the step's error
+    assert set(untested) <= {"coherent_log_ratio"}  # in test_mda_tbd, within the step's error
     for module, name, kernel in _kernels():
         assert hasattr(module, f"{name}_spec"), (
             f"{module.__name__}.{name} has no {name}_spec beside it"

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tbdcore import particles
-from tbdcore.kernels import mda_tbd, mm_pf_tbd
 
 
 def test_normalise_survives_what_would_overflow():
@@ -86,46 +85,3 @@ def test_existence_at_its_limits():
     for _ in range(500):
         P = particles.existence_predict(P, 0.1, 0.9)
     assert abs(P - 0.5) < 1e-12
-
-
-# Ancestors' history
-
-
-def test_history_travels_with_the_particle():
-    """Every particle writes its own path into its history; after resampling the columns must still
-    be those of the paths.
-    """
-    rng, window, N, births = np.random.default_rng(3), 4, 30, 10
-    H, age = np.zeros((window, 1, N + births)), np.zeros(N + births, np.int64)
-    paths = [() for _ in range(N + births)]
-    for k in range(13):
-        code = rng.random(N + births)
-        H[k % window], age[:] = code, age + 1
-        paths = [(*path, c) for path, c in zip(paths, code, strict=True)]
-        ancestors = particles.systematic(rng.random(N + births) ** 4, N, rng.random())
-        H, age = mda_tbd.inherit(H, age, ancestors, births)
-        paths = [paths[a] for a in ancestors] + [()] * births
-        for n, path in enumerate(paths):
-            assert sorted(H[:, 0, n]) == sorted(
-                [*path[-window:], *[0.0] * (window - len(path[-window:]))]
-            )
-            assert age[n] == len(path)
-
-
-def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
-    H, age = np.ones((3, 1, 5)), np.full(5, 7)
-    moved, older = mda_tbd.inherit(H, age, np.array([4, 4]), 2)
-    assert moved.tolist() == [[[1, 1, 0, 0]]] * 3
-    assert older.tolist() == [7, 7, 0, 0]
-    assert (H == 1).all()
-    assert (age == 7).all()
-
-
-@pytest.mark.parametrize(("regime", "ancestor"), [(3, 0), (-1, 0), (0, 2), (0, -1)])
-def test_a_regime_or_an_ancestor_out_of_range_is_refused(regime, ancestor):
-    r, H = np.array([regime, 1]), np.ones((1, 1, 2))
-    with pytest.raises(ValueError, match=r"copy_particles: r\[0\]: |ancestors 0 to N - 1"):
-        mm_pf_tbd.copy_particles(r, np.ones((2, 5)), np.array([1, ancestor]))
-    if regime == 0:
-        with pytest.raises(ValueError, match="ancestors must be"):
-            mda_tbd.inherit(H, np.ones(2, int), np.array([1, ancestor]), 0)

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
+import pytest
 
 from tbdcore import score
-from tbdcore.kernels import mda_tbd
 
 
 def test_proportion_and_its_error():
@@ -33,26 +33,27 @@ def test_crossings_are_those_of_the_rows():
     np.testing.assert_array_equal(score.crossings(x, rows, 0.6), [0.8, 1.5, np.nan])
 
 
-def test_a_column_of_right_numbers_rarely_differs_and_a_shifted_one_does():
-    """Rows on the same scenes are correlated: both tests keep their level all the same."""
-    rng, r = np.random.default_rng(3), 4
-    C = 0.01 * (0.6 + 0.4 * np.eye(r))
-    root = np.linalg.cholesky(C)
-    found = []
-    for _ in range(4000):
-        ours, paper = root @ rng.standard_normal(r), 2.0 * root @ rng.standard_normal(r)
-        found.append(mda_tbd.column_test(ours, np.round(paper, 1), C, 4.0, half=0.05))
-    _, _, z, p = np.array(found).T
-    assert abs((np.abs(z) > 1.96).mean() - 0.05) < 4 * math.sqrt(0.05 * 0.95 / 4000)
-    assert abs((p < 0.05).mean() - 0.05) < 4 * math.sqrt(0.05 * 0.95 / 4000) + 0.005
-    shift, se, _, p = mda_tbd.column_test(np.ones(r), np.zeros(r), C, 4.0)
-    assert shift == 1.0
-    np.testing.assert_allclose(se, math.sqrt(5 * 0.01 * 0.7))
-    assert p < 1e-4
+def errors(lengths):
+    """Errors (K, 1, 2) of one track with given lengths."""
+    return np.stack([np.asarray(lengths, float), np.zeros(len(lengths))], axis=-1)[:, None]
 
 
-def test_the_rounding_of_a_printed_column_adds_its_uniform_variance():
-    """Half h: h**2 / 3, so that a difference of one standard deviation has z = 1, p = 0.317."""
-    shift, se, z, p = mda_tbd.column_test([0.2], [0.0], [[0.01]], 0.0, half=0.3)
-    np.testing.assert_allclose((shift, se, z), (0.2, 0.2, 1.0))
-    np.testing.assert_allclose(p, 0.31731, atol=1e-5)
+@pytest.mark.parametrize(
+    ("lengths", "after", "onset"),
+    [
+        ([0, 0, 0, 0, 0, 0], 0, 6),
+        ([0, 9, 9, 0, 9, 9], 0, 6),  # never three running
+        ([0, 9, 9, 9, 0, 0], 0, 1),  # lost, although it comes back
+        ([9, 9, 9, 9, 9, 0], 1, 1),
+        ([9, 9, 9, 0, 0, 0], 1, 6),
+        ([9, 9], 0, 2),  # shorter than the rule
+    ],
+)
+def test_loss_rule(lengths, after, onset):
+    assert score.loss_onsets(errors(lengths), 5.0, 3, after).tolist() == [onset]
+
+
+def test_distance_is_euclidean():
+    diagonal = np.full((4, 1, 2), 4.0)
+    assert score.loss_onsets(diagonal, 5.0, 2).tolist() == [0]
+    assert score.loss_onsets(diagonal, 5.7, 2).tolist() == [4]

@@ -1,5 +1,8 @@
-"""What a cell says: closed forms, normalisation and invariances of the likelihood ratios."""
+"""What a cell says: closed forms, normalisation and invariances of the likelihood ratios; histories
+of particles, OSPA by enumeration, a column of a table.
+"""
 
+import itertools
 import math
 
 import numpy as np
@@ -8,21 +11,8 @@ from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 from scipy.special import i0e
 
-from tbdcore.kernels import dp_tbd, mda_tbd, mm_pf_tbd
-
-PEAK, BLUR, NOISE = mm_pf_tbd.blob_peak(18.0, 0.6), 0.6, 2.3
-
-
-def blob_states(*positions):
-    S = np.zeros((len(positions), 5))
-    S[:, [0, 2]] = positions
-    return S
-
-
-def blob_ratio(z, *positions, peak=PEAK, noise=NOISE):
-    return mm_pf_tbd.blob_log_ratio(
-        z, blob_states(*positions), np.ones(len(positions), np.int64), peak, BLUR, noise
-    )
+from tbdcore import particles
+from tbdcore.kernels import mda_tbd, mm_pf_tbd
 
 
 @pytest.mark.parametrize("ratio", [mda_tbd.coherent_log_ratio, mda_tbd.power_log_ratio])
@@ -55,16 +45,6 @@ def test_power_beyond_the_limit_of_the_coherent_ratio_is_refused():
     z[1, 1] = np.nextafter(1e8, np.inf)
     with pytest.raises(ValueError, match=r"z\[1, 1\]: "):
         mda_tbd.coherent_log_ratio(z, place, place, snr, spread)
-
-
-@pytest.mark.parametrize("blur", [0.5, 0.0379, 0.0377, 0.03, 0.02, 1e-4, 1e-9])
-def test_a_sharp_blob_has_a_finite_ratio(blur):
-    """At the centre of a cell all of a sharp blob is in this cell; at a corner, in four."""
-    z = np.random.default_rng(3).normal(0, NOISE, (9, 9))
-    S = blob_states((4, 5), (4.5, 5.5), (4.3, 5.2), (8.9, 0.6))
-    ours = mm_pf_tbd.blob_log_ratio(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
-    theirs = mm_pf_tbd.blob_log_ratio_spec(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
-    np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-30)
 
 
 @pytest.mark.parametrize("decay", [300.0, 400.0, 700.0, 800.0, 5000.0])
@@ -140,115 +120,6 @@ def test_what_is_not_finite_stays_with_its_particle():
     assert ours[7] == pytest.approx(
         mda_tbd.power_log_ratio_spec(z, rho[:1], alpha[:1], snr[7:8], spread)[0], rel=1e-12
     )
-
-
-@pytest.mark.parametrize(
-    ("position", "d2"), [((15, 10), 15.13), ((15.5, 10), 13.49), ((15.5, 10.5), 12.03)]
-)
-def test_blob_energy_depends_on_where_in_the_cell_it_falls(position, d2):
-    """Sum of h**2 / sigma**2, by hand on 5 x 5 cells; the integral I**2 / (4 pi b**2 sigma**2) =
-    13.54 lies between.
-    """
-    h = mm_pf_tbd.blob_image(*position, PEAK, BLUR, (30, 20))
-    x, y = position
-    hand = sum(
-        (PEAK * math.exp(-((i - x) ** 2 + (j - y) ** 2) / (2 * BLUR**2)) / NOISE) ** 2
-        for i in range(10, 21)
-        for j in range(5, 16)
-    )
-    assert (h**2).sum() / NOISE**2 == pytest.approx(hand, rel=1e-12)
-    assert hand == pytest.approx(d2, abs=0.005)
-    assert 18.0**2 / (4 * math.pi * BLUR**2 * NOISE**2) == pytest.approx(13.54, abs=0.005)
-
-
-def test_blob_log_ratio_without_noise_is_half_the_energy():
-    """z = h gives + d**2 / 2, z = 0 gives - d**2 / 2."""
-    h = mm_pf_tbd.blob_image(15.2, 9.7, PEAK, BLUR, (30, 20))
-    d2 = (h**2).sum() / NOISE**2
-    assert blob_ratio(h, (15.2, 9.7))[0] == pytest.approx(d2 / 2, rel=1e-7)
-    assert blob_ratio(0 * h, (15.2, 9.7))[0] == pytest.approx(-d2 / 2, rel=1e-7)
-
-
-def test_blob_mean_log_ratio_under_target():
-    rng = np.random.default_rng(8)
-    h = mm_pf_tbd.blob_image(7.9, 3.3, PEAK, BLUR, (12, 8))
-    d2 = (h**2).sum() / NOISE**2
-    values = [blob_ratio(h + rng.normal(0, NOISE, h.shape), (7.9, 3.3))[0] for _ in range(4000)]
-    assert np.mean(values) == pytest.approx(d2 / 2, abs=4 * math.sqrt(d2 / 4000))
-    assert np.var(values) == pytest.approx(d2, rel=4 * math.sqrt(2 / 4000))
-
-
-def test_blob_mean_ratio_under_noise_is_one():
-    """A likelihood ratio is a density ratio: its mean under noise is 1; at low energy, where the
-    mean can be sampled.
-    """
-    rng = np.random.default_rng(9)
-    weak = PEAK / 4  # d**2 about 0.9, so the ratio has a variance of exp(0.9) - 1
-    z = rng.normal(0, NOISE, (40_000, 5, 5))
-    values = np.array([blob_ratio(frame, (3.2, 2.9), peak=weak)[0] for frame in z])
-    d2 = (
-        weak**2
-        / PEAK**2
-        * (mm_pf_tbd.blob_image(3.2, 2.9, PEAK, BLUR, (5, 5)) ** 2).sum()
-        / NOISE**2
-    )
-    assert np.exp(values).mean() == pytest.approx(1.0, abs=4 * math.sqrt(math.expm1(d2) / 40_000))
-
-
-@pytest.mark.parametrize(
-    ("position", "bound"), [((15, 10), 0.393), ((15.4999, 10), 0.352), ((15.4999, 10.4999), 0.289)]
-)
-def test_blob_curvature_is_the_cramer_rao_bound_of_one_frame(position, bound):
-    """Second difference of the mean log-ratio against sum (dh/dx)**2 / sigma**2, in both axes."""
-    h = mm_pf_tbd.blob_image(*position, PEAK, BLUR, (30, 20))
-    i, j = np.mgrid[1:31, 1:21]
-    fisher = [
-        (((cell - centre) / BLUR**2 * h / NOISE) ** 2).sum()
-        for cell, centre in zip((i, j), position, strict=True)
-    ]
-    assert math.sqrt(1 / fisher[0] + 1 / fisher[1]) == pytest.approx(bound, abs=0.001)
-    e = 1e-4
-    x, y = position
-    left, middle, right = blob_ratio(h, (x - 2 * e, y), (x - e, y), (x, y))
-    assert -(left - 2 * middle + right) / e**2 == pytest.approx(
-        fisher[0], rel=0.01
-    )  # five columns of a blob between two cells
-
-
-def test_blob_ratio_is_invariant_under_scale_and_whole_cell_shifts():
-    rng = np.random.default_rng(10)
-    z = rng.normal(0, NOISE, (30, 20))
-    usual = blob_ratio(z, (12.25, 8.5))
-    assert blob_ratio(4 * z, (12.25, 8.5), peak=4 * PEAK, noise=4 * NOISE) == pytest.approx(
-        usual, rel=1e-12
-    )
-    assert blob_ratio(np.roll(z, (3, -2), (0, 1)), (15.25, 6.5)) == pytest.approx(usual, rel=1e-12)
-    assert blob_ratio(z.T.copy(), (8.5, 12.25)) == pytest.approx(usual, rel=1e-12)
-
-
-def test_a_blob_outside_the_frame_lights_the_cells_that_its_patch_has_in_it():
-    """Those of a larger frame in which all other cells are cut away; beyond 2.5 cells, none."""
-    z = np.random.default_rng(11).normal(size=(30, 20))
-    for x, y in ((0.49, 5), (-1.2, 5), (30.6, 5), (32.4, 7.3), (5, 20.5), (31, 21.9), (0.1, -1)):
-        i, j = np.mgrid[1:31, 1:21]
-        h = PEAK * np.exp(-((i - x) ** 2 + (j - y) ** 2) / (2 * BLUR**2))
-        h *= (abs(i - math.floor(x + 0.5)) <= 2) & (abs(j - math.floor(y + 0.5)) <= 2)
-        brute = (h * (2 * z - h)).sum() / (2 * NOISE**2)
-        assert blob_ratio(z, (x, y))[0] == pytest.approx(brute, rel=1e-9)
-    far = blob_ratio(z, (-1.6, 5), (32.6, 5), (5, 22.6), (5, -1.6), (5, 25), (1e9, 5), (5, -1e300))
-    assert (far == 0).all()
-
-
-def test_blob_image_of_many_positions_and_of_none():
-    many = mm_pf_tbd.blob_image(np.array([3.0, np.nan]), np.array([4.0, np.nan]), 2.0, BLUR, (6, 7))
-    assert many.shape == (2, 6, 7)
-    assert many[0, 2, 3] == 2.0
-    assert (many[1] == 0).all()
-
-
-def test_zero_signal_has_ratio_one():
-    z = np.random.default_rng(12).normal(size=(6, 6))
-    assert (blob_ratio(z, (3, 3), peak=0.0) == 0).all()
 
 
 # Range and azimuth
@@ -488,25 +359,99 @@ def test_coherent_ratio_mean_under_noise_is_one():
     assert values.mean() == pytest.approx(1.0, abs=4 * values.std() / math.sqrt(n))
 
 
-# Point target
+# Ancestors' history
 
 
-def test_point_target_adds_its_amplitude_to_one_cell_of_each_frame():
-    noise, cells = (
-        np.random.default_rng(0).normal(size=(3, 4, 5)),
-        np.array([[0, 0], [3, 4], [1, 2]]),
+def test_history_travels_with_the_particle():
+    """Every particle writes its own path into its history; after resampling the columns must still
+    be those of the paths.
+    """
+    rng, window, N, births = np.random.default_rng(3), 4, 30, 10
+    H, age = np.zeros((window, 1, N + births)), np.zeros(N + births, np.int64)
+    paths = [() for _ in range(N + births)]
+    for k in range(13):
+        code = rng.random(N + births)
+        H[k % window], age[:] = code, age + 1
+        paths = [(*path, c) for path, c in zip(paths, code, strict=True)]
+        ancestors = particles.systematic(rng.random(N + births) ** 4, N, rng.random())
+        H, age = mda_tbd.inherit(H, age, ancestors, births)
+        paths = [paths[a] for a in ancestors] + [()] * births
+        for n, path in enumerate(paths):
+            assert sorted(H[:, 0, n]) == sorted(
+                [*path[-window:], *[0.0] * (window - len(path[-window:]))]
+            )
+            assert age[n] == len(path)
+
+
+def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
+    H, age = np.ones((3, 1, 5)), np.full(5, 7)
+    moved, older = mda_tbd.inherit(H, age, np.array([4, 4]), 2)
+    assert moved.tolist() == [[[1, 1, 0, 0]]] * 3
+    assert older.tolist() == [7, 7, 0, 0]
+    assert (H == 1).all()
+    assert (age == 7).all()
+
+
+@pytest.mark.parametrize(("regime", "ancestor"), [(3, 0), (-1, 0), (0, 2), (0, -1)])
+def test_a_regime_or_an_ancestor_out_of_range_is_refused(regime, ancestor):
+    r, H = np.array([regime, 1]), np.ones((1, 1, 2))
+    with pytest.raises(ValueError, match=r"copy_particles: r\[0\]: |ancestors 0 to N - 1"):
+        mm_pf_tbd.copy_particles(r, np.ones((2, 5)), np.array([1, ancestor]))
+    if regime == 0:
+        with pytest.raises(ValueError, match="ancestors must be"):
+            mda_tbd.inherit(H, np.ones(2, int), np.array([1, ancestor]), 0)
+
+
+def test_a_column_of_right_numbers_rarely_differs_and_a_shifted_one_does():
+    """Rows on the same scenes are correlated: both tests keep their level all the same."""
+    rng, r = np.random.default_rng(3), 4
+    C = 0.01 * (0.6 + 0.4 * np.eye(r))
+    root = np.linalg.cholesky(C)
+    found = []
+    for _ in range(4000):
+        ours, paper = root @ rng.standard_normal(r), 2.0 * root @ rng.standard_normal(r)
+        found.append(mda_tbd.column_test(ours, np.round(paper, 1), C, 4.0, half=0.05))
+    _, _, z, p = np.array(found).T
+    assert abs((np.abs(z) > 1.96).mean() - 0.05) < 4 * math.sqrt(0.05 * 0.95 / 4000)
+    assert abs((p < 0.05).mean() - 0.05) < 4 * math.sqrt(0.05 * 0.95 / 4000) + 0.005
+    shift, se, _, p = mda_tbd.column_test(np.ones(r), np.zeros(r), C, 4.0)
+    assert shift == 1.0
+    np.testing.assert_allclose(se, math.sqrt(5 * 0.01 * 0.7))
+    assert p < 1e-4
+
+
+def test_the_rounding_of_a_printed_column_adds_its_uniform_variance():
+    """Half h: h**2 / 3, so that a difference of one standard deviation has z = 1, p = 0.317."""
+    shift, se, z, p = mda_tbd.column_test([0.2], [0.0], [[0.01]], 0.0, half=0.3)
+    np.testing.assert_allclose((shift, se, z), (0.2, 0.2, 1.0))
+    np.testing.assert_allclose(p, 0.31731, atol=1e-5)
+
+
+def brute_force_ospa(X, Y, c, p):
+    """The definition: every injection of the smaller set into the larger one."""
+    X, Y = sorted((X, Y), key=len)
+    if not len(Y):
+        return 0.0
+    d = (
+        np.minimum(np.linalg.norm(X[:, None] - Y[None], axis=-1), c)
+        if len(X)
+        else np.zeros((0, len(Y)))
     )
-    amplitude = dp_tbd.point_amplitude(9.0)
-    assert amplitude == pytest.approx(2.8184, abs=5e-5)
-    added = dp_tbd.point_frames(noise, cells, amplitude) - noise
-    assert np.count_nonzero(added) == 3
-    np.testing.assert_allclose([added[k][tuple(cells[k])] for k in range(3)], amplitude, rtol=1e-12)
+    pairings = itertools.permutations(range(len(Y)), len(X))
+    best = min(sum(d[i, j] ** p for i, j in enumerate(pairing)) for pairing in pairings)
+    return ((best + c**p * (len(Y) - len(X))) / len(Y)) ** (1 / p)
 
 
-@pytest.mark.parametrize(
-    "cells", [[[0, 0]] * 2, [[0, 0], [4, 0], [0, 0]], [[0, 0], [0, 0], [0, -1]]]
-)
-def test_point_target_outside_the_frame_is_refused_in_one_line(cells):
-    with pytest.raises(ValueError, match="point_frames: cells") as error:
-        dp_tbd.point_frames(np.zeros((3, 4, 5)), np.array(cells), 1.0)
-    assert "\n" not in str(error.value)
+def test_bernoulli_ospa_is_ospa_of_at_most_one_point():
+    """An estimate at the declaration threshold is empty; the order p does not matter."""
+    rng = np.random.default_rng(13)
+    x, truth, existence = rng.uniform(0, 300, (60, 2)), rng.uniform(0, 300, (60, 2)), rng.random(60)
+    truth[::3], existence[:6] = np.nan, [0.5, 0.5, 0.5, 0.51, 0.51, 0.51]
+    ours = mda_tbd.ospa_bernoulli(x, existence, truth, 200.0)
+    for k in range(60):
+        X, Y = (
+            x[k : k + 1][existence[k : k + 1] > 0.5],
+            truth[k : k + 1][~np.isnan(truth[k : k + 1, 0])],
+        )
+        assert ours[k] == pytest.approx(brute_force_ospa(X, Y, 200.0, 1 + k % 2), rel=1e-12)
+    assert ours.shape == (60,)

@@ -349,3 +349,36 @@ def test_too_many_tracks_are_refused_before_memory_is():
         jipda(np.zeros((17, 3)), np.full(17, 0.9), np.full(17, 0.9))
     beta, _ = jipda(np.zeros((12, 2)), np.full(12, 0.9), np.full(12, 0.9))
     np.testing.assert_allclose(beta.sum(axis=1), 1.0)
+
+
+def test_kept_rmse_and_its_error():
+    rng = np.random.default_rng(1)
+    e, kept = rng.normal(size=(4000, 3, 2, 2)) * [1.0, 3.0], rng.random((4000, 2)) < 0.7
+    rmse, influence = ljipda_ai.kept_rmse(e, kept)
+    np.testing.assert_allclose(
+        rmse[:, 1], np.sqrt((e[kept[:, 1], :, 1] ** 2).mean(axis=0)), rtol=1e-12
+    )
+    np.testing.assert_allclose(influence.mean(axis=0), 0.0, atol=1e-12)
+    resampled = [
+        ljipda_ai.kept_rmse(e[i], kept[i])[0] for i in rng.integers(4000, size=(200, 4000))
+    ]
+    error = np.std(influence, axis=0) / math.sqrt(len(influence))
+    np.testing.assert_allclose(error, np.std(resampled, axis=0), rtol=0.25)  # 200: 5 %, 5 sigma
+
+
+def test_the_influence_of_each_trial_is_a_derivative():
+    """That of trial i: n times the change of the RMSE by the share of i, with the others kept."""
+    rng, step = np.random.default_rng(2), 1e-6
+    e, kept = rng.normal(size=(5, 1, 1, 2)), np.array([[True], [True], [False], [True], [False]])
+    rmse, influence = ljipda_ai.kept_rmse(e, kept)
+    for i in range(5):
+        share = np.full(5, (1 - step) / 5)
+        share[i] += step
+        share = share[:, None] * kept[:, 0, None]
+        more = np.sqrt((share * e[:, 0, 0] ** 2).sum(axis=0) / share.sum(axis=0))
+        np.testing.assert_allclose(influence[i, 0, 0], (more - rmse[0, 0]) / step, atol=1e-5)
+
+
+def test_no_kept_trial_is_nan():
+    rmse, _ = ljipda_ai.kept_rmse(np.ones((3, 2, 1, 2)), np.zeros((3, 1), bool))
+    assert np.isnan(rmse).all()

@@ -400,3 +400,27 @@ def test_a_path_reaches_the_first_and_the_last_cell_of_a_map(cell):
     start = tuple(min(max(c, 1), 3) for c in cell)
     path = dp_tbd.path(I, (0, 0, *start), dp_tbd.box_transition(np.ones(3), (0, 0), 1))
     assert path.tolist() == [[0, 0, *cell], [0, 0, *start]]
+
+
+# Point target
+
+
+def test_point_target_adds_its_amplitude_to_one_cell_of_each_frame():
+    noise, cells = (
+        np.random.default_rng(0).normal(size=(3, 4, 5)),
+        np.array([[0, 0], [3, 4], [1, 2]]),
+    )
+    amplitude = dp_tbd.point_amplitude(9.0)
+    assert amplitude == pytest.approx(2.8184, abs=5e-5)
+    added = dp_tbd.point_frames(noise, cells, amplitude) - noise
+    assert np.count_nonzero(added) == 3
+    np.testing.assert_allclose([added[k][tuple(cells[k])] for k in range(3)], amplitude, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "cells", [[[0, 0]] * 2, [[0, 0], [4, 0], [0, 0]], [[0, 0], [0, 0], [0, -1]]]
+)
+def test_point_target_outside_the_frame_is_refused_in_one_line(cells):
+    with pytest.raises(ValueError, match="point_frames: cells") as error:
+        dp_tbd.point_frames(np.zeros((3, 4, 5)), np.array(cells), 1.0)
+    assert "\n" not in str(error.value)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tbdcore.kernels import ljipda_ai, track_cfar
+from tbdcore.kernels import ljipda_ai
 
 
 def seen(gated=0, z=((9e3, 9e3),), **change):
@@ -91,14 +91,3 @@ def test_a_density_is_named_beyond_its_factor_its_chance_and_three_plots(clutter
     """Thirty plots are a third, or three times, of what was told: 2.6 sqrt(30) + 3 = 17.2 away."""
     total = ljipda_ai.Seen(None, gated, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
     assert (ljipda_ai._other_density(total, clutter) is not None) == said
-
-
-def test_the_noise_level_is_that_above_the_lowest_tenth():
-    lam = 3.0 + np.random.default_rng(2).standard_exponential(2000)
-    low, level, error = track_cfar.noise_level([np.column_stack([lam, lam, lam])])
-    above = np.sort(lam)[200:]
-    assert low == above[0]
-    assert level == pytest.approx(10 * math.log10(np.median(above - low) / math.log(2)))
-    assert error == pytest.approx(6.5 / math.sqrt(1800))
-    assert track_cfar.noise_level([None, np.empty((0, 3))]) == (0.0, 0.0, np.inf)
-    assert track_cfar.noise_level([np.ones((998, 3))])[2] == np.inf

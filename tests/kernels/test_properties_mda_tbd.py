@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from one_line import result
 
-from tbdcore.kernels import mda_tbd, mm_pf_tbd
+from tbdcore.kernels import mda_tbd
 
 same = settings(derandomize=True, deadline=None, max_examples=150)
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
@@ -22,23 +22,6 @@ def draw_frame(data, shape, typical):
     one = st.floats(0.0, 20.0) if typical else CELLS
     values = data.draw(st.lists(one, min_size=4, max_size=4))
     return np.resize(np.array(values), shape)
-
-
-@same
-@given(st.data(), SHAPES, usual)
-def test_blob_ratio(data, shape, typical):
-    z = draw_frame(data, shape, typical)
-    real = st.floats(1e-3, 30.0) if typical else POSITIVE
-    S = np.zeros((3, 5))
-    S[:, 0], S[:, 2] = data.draw(st.tuples(*[st.tuples(PLACES, PLACES, PLACES)] * 2))
-    r, peak, blur, noise = np.array([0, 1, 2]), *data.draw(st.tuples(real, real, real))
-    out = result(mm_pf_tbd.blob_log_ratio, z, S, r, peak, blur, noise)
-    if out is None:
-        sound = np.isfinite(z).all() and np.isfinite(S).all() and typical
-        assert not sound
-    else:
-        assert np.isfinite(out).all()
-        assert out[0] == 0
 
 
 @same
