@@ -42,8 +42,8 @@ __all__ += ["integers", "number", "numbers"]
 MOST = float(np.finfo(float).max)
 TINY, ROUNDING = float(np.finfo(float).tiny), 1e-9
 LARGEST = 2**30  # numbers in one array, 8 GB
-DEFECTS = ("none", "a variance is negative", "a matrix is not symmetric")
-DEFECTS += ("a matrix has a negative eigenvalue",)
+DEFECTS = ["none", "a variance is negative", "a matrix is not symmetric"]
+DEFECTS += ["a matrix has a negative eigenvalue"]
 _DOUBLE, _SINGLE, _INT = np.dtype(float), np.dtype(np.float32), np.dtype(np.int64)
 Array = np.ndarray
 Function = TypeVar("Function", bound=Callable)
