@@ -25,7 +25,7 @@ of mean 0 and variance 1, or power of mean 1.
 ``misfit``      whether frames agree with what a filter is told
 """
 
-from tbdcore.recording.detections import merge_plots, plots, starts
+from tbdcore.recording.detections import Unit, merge_plots, noise_unit, plots, starts
 from tbdcore.recording.laws import TailedLaw, empirical_law, log_ratio, normal_scores
 from tbdcore.recording.levels import Level, background, bin_cells, clipped, normalise
 from tbdcore.recording.tables import cartesian, scans
@@ -42,7 +42,8 @@ from tbdcore.recording.thresholds import (
 )
 from tbdcore.recording.tracks import Tracks, follow
 
-__all__ = ["Blur", "Level", "Outcome", "TailedLaw", "Threshold", "Tracks", "Windows", "background"]
-__all__ += ["bin_cells", "blocks", "blur_of", "cartesian", "clipped", "empirical_law", "follow"]
-__all__ += ["inject", "kept", "log_ratio", "merge_plots", "normal_scores", "normalise", "outcome"]
-__all__ += ["plots", "scans", "starts", "suspects", "threshold", "windows"]
+__all__ = ["Blur", "Level", "Outcome", "TailedLaw", "Threshold", "Tracks", "Unit", "Windows"]
+__all__ += ["background", "bin_cells", "blocks", "blur_of", "cartesian", "clipped"]
+__all__ += ["empirical_law", "follow", "inject", "kept", "log_ratio", "merge_plots", "noise_unit"]
+__all__ += ["normal_scores", "normalise", "outcome", "plots", "scans", "starts", "suspects"]
+__all__ += ["threshold", "windows"]

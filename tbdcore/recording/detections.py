@@ -4,17 +4,21 @@
 """
 
 import math
+import warnings
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from scipy.special import log_ndtr, ndtri_exp
 
 from tbdcore.checks import Array, ArrayLike, Flag, Number, Numbers, checked, numbers
 from tbdcore.noise import Frames, Law
+from tbdcore.recording.levels import Misfit
 
-__all__ = ["merge_plots", "plots", "starts"]
+__all__ = ["Unit", "merge_plots", "noise_unit", "plots", "starts"]
 
+
+MOST_OFF = 1.3  # a unit that is off by more is said
 BOUND = 1.5 * math.sqrt(2 / math.pi)
 Positive = Annotated[float, Number(1e-100, 1e100)]
 Pair = Annotated[ArrayLike, Numbers(2)]
@@ -107,6 +111,44 @@ def merge_plots(
     n, group = connected_components(abs(place[:, None] - place) <= distance, directed=False)
     member = (group == np.arange(n)[:, None]) * w
     return member @ scan / member.sum(axis=1, keepdims=True)
+
+
+class Unit(NamedTuple):
+    """The Rayleigh parameter of noise in the unit of the amplitudes, and its standard error."""
+
+    value: float
+    se: float
+
+
+@checked
+def noise_unit(
+    amplitudes: Annotated[ArrayLike, Numbers("n", low=0.0, high=1e50)],
+    tau: Annotated[float, Number(0.0, 1e50)],
+    told: Annotated[float, Number(0.0, 1e50)] = 0.0,
+) -> Unit:
+    """Unit of the noise, from amplitudes (n,) above ``tau`` of plots of which most are false.
+
+    The excess power (a**2 - tau**2) / 2 of noise is exponential; its mean is the median / ln 2,
+    the unit squared.  Divide amplitudes and tau by it for chapter 05.
+
+    told : the unit that is used so far; a ``Misfit`` warning says that it is off by 1.3 or more
+        with 99 % certainty
+    """
+    if len(amplitudes) < 30 or (amplitudes < tau).any():
+        words = f"{len(amplitudes)}, the least {amplitudes.min(initial=math.inf):g}"
+        advice = f"give 30 or more, all above tau = {tau:g}, none in decibels"
+        raise ValueError(f"recording.noise_unit: amplitudes: {words}; {advice}")
+    excess = np.median(amplitudes**2 - tau**2) / 2 / math.log(2)
+    value, error = (
+        math.sqrt(excess),
+        math.sqrt(excess) / 2 / math.log(2) / math.sqrt(len(amplitudes)),
+    )
+    apart = abs(math.log(max(told, 1e-300) / max(value, 1e-300)))
+    if told and apart > math.log(MOST_OFF) + 2.58 * error / max(value, 1e-300):
+        words = f"the unit of the noise is {value:.3g} ± {error:.1g}, not {told:g}"
+        line = f"recording.noise_unit: amplitudes: {words}; divide amplitudes and tau by it"
+        warnings.warn(line, Misfit, stacklevel=3)
+    return Unit(value, error)
 
 
 def places(name, scan):

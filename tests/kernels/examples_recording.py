@@ -100,6 +100,7 @@ EXAMPLES = {
         "level": True,
     },
     "merge_plots": lambda: {"scan": np.array([[0.0, 0, 1], [3, 0, 5], [9, 0, 2]]), "distance": 4.0},
+    "noise_unit": lambda: {"amplitudes": np.linspace(3.0, 9.0, 40), "tau": 2.0, "told": 4.0},
     "starts": lambda: {
         "scans": [np.array([[0.0, 0], [9, 9]]), np.array([[1.0, 0]]), np.array([[2.0, 0], [5, 5]])],
         "t": np.array([0.0, 1.0, 2.0]),

@@ -1,7 +1,6 @@
-"""Data that are not the papers': the tables of Section 9 of docs/own_data.md."""
+"""Data that are not the papers': borders, gaps, targets that leave or vanish, other noise."""
 
 import itertools
-import re
 from contextlib import nullcontext
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 import tbdcore
 from tbdcore import motion, recording
 from tbdcore.recording import misfit
-from tbdcore.repro import paths
 
 SEEDS = range(4)
 LOUD = 1.4  # times the noise that the page is told
@@ -343,39 +341,3 @@ def test_04_follows_one_of_two_whose_plots_merge():
     assert len(tracks) == len(polar)
     off = np.array([np.hypot(*(t.x[::2] - z).T) for t, z in zip(tracks, truth[1:], strict=True)])
     assert np.median(off.min(axis=1)) < 15
-
-
-# The tables
-
-ROWS = {
-    "target along the border": "01_finds_a_target_along_the_border 02[border] 03[border]",
-    "target leaves the frame": "01_mostly_stays_at_the_border_where_a_target_leaves 02[leaves] "
-    "03[leaves]",
-    "weak target vanishes inside the frame": "01_follows_a_target_that_vanishes_as_long_as_it_is_"
-    "there 02[vanishes] 03_a_weak_target_that_vanishes",
-    "two targets far apart": "01_finds_two_targets_the_stronger_one_first 02[two] 03[two]",
-    "no target": "01_declares_nothing_in_noise_but_what_was_allowed 02[none] 03[none]",
-    "noise 1.4 times as large as told": "01_declares_noise_that_is_louder_than_told 02[loud] "
-    "03[loud]",
-    "a missing frame": "01_bridges_a_missing_frame 02[gap] 03[gap]",
-    "a scan without plots": "04[gap] 05[gap]",
-    "a scan that was not taken": "04[untaken] 05[untaken]",
-    "target gone": "04[gone] 05[gone]",
-    "a second target far away": "04[two] 05[gone]",
-    "more clutter than told": "04[two] 05[little]",
-    "two targets whose plots mostly merge": "04_follows_one_of_two_whose_plots_merge "
-    "05_close_targets_without_amplitudes",
-}
-
-
-def test_each_row_of_the_tables_has_a_test_for_each_chapter():
-    text = (paths.root() / "docs" / "own_data.md").read_text(encoding="utf-8")
-    text = text[text.index("## 9.") : text.index("## 10.")]
-    rows = re.findall(r"^\| ([^|]+) \|", text, re.M)
-    assert [row for row in rows if row != "case"] == list(ROWS)
-    for tests in ROWS.values():
-        for name in tests.split():
-            test = globals()[f"test_{name.partition('[')[0]}"]
-            case = name.partition("[")[2].strip("]")
-            marks = [mark for mark in test.pytestmark if "case" in mark.args] if case else []
-            assert not case or any(case in mark.args[1] for mark in marks), name

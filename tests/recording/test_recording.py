@@ -264,6 +264,23 @@ def test_plots_of_one_ship_become_one():
     assert recording.merge_plots(np.empty((0, 2)), 3.5).shape == (0, 2)
 
 
+def test_the_unit_of_the_noise():
+    a = 7.0 * np.sqrt(2 * rng().standard_exponential(2000) + 4.0)
+    a[:20] *= 4.0  # targets
+    found = recording.noise_unit(a, 14.0, told=7.0)
+    assert found.value == pytest.approx(7.0, abs=3 * found.se + 0.1)
+    for wrong in (3.5, 14.0):
+        with pytest.warns(Misfit, match=f"not {wrong:g}"):
+            recording.noise_unit(a, 14.0, told=wrong)
+    for bad in (a[:29], a - 5.0):
+        with pytest.raises(ValueError, match="recording.noise_unit: amplitudes"):
+            recording.noise_unit(bad, 14.0)
+    values = [
+        recording.noise_unit(np.sqrt(2 * rng(s).standard_exponential(100)), 0.0) for s in range(300)
+    ]
+    assert np.std([v.value for v in values]) == pytest.approx(values[0].se, rel=0.15)
+
+
 def test_starts_are_straight_lines_of_three_plots():
     t, v = np.array([0.0, 1.6, 3.5]), np.array([3.0, -1.0])
     scans = [np.array([[100.0, 50, 7]]) + [*(v * s), 0] for s in t]
