@@ -54,7 +54,9 @@ def scene(seed, K=50, clutter=4, last=50):
 @pytest.mark.parametrize("seed", range(3))
 def test_each_target_has_a_track_of_one_name_from_its_start_to_its_end(seed):
     t, scans, x = scene(seed, last=40)
-    tracks = recording.follow(scans, t, FASTEST, SIGMA, **with_05()).declared()
+    tracks = recording.follow(scans, t, FASTEST, SIGMA, **with_05())
+    assert sorted(set(tracks.track.tolist())) == list(range(tracks.track.max() + 1)), "from 0 on"
+    tracks = tracks.declared()
     for target, first in ((0, 4), (1, 24)):  # three plots in a row start a track
         names = []
         for k in range(first, 40):
