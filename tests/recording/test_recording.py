@@ -300,7 +300,7 @@ def test_starts_are_straight_lines_of_three_plots():
     for bad in (scans[:2], [*scans[:2], np.ones((2, 1))]):
         with pytest.raises(ValueError, match="recording.starts: "):
             recording.starts(bad, t, 5.0, 1.0)
-    with pytest.raises(ValueError, match="t that rises"):
+    with pytest.raises(ValueError, match="times that rise"):
         recording.starts(scans, t[::-1], 5.0, 1.0)
 
 
