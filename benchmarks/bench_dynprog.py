@@ -32,7 +32,7 @@ ASKED = {"conventional": 60e-6, "Tonissen": 1.3e-3, "weighted": 3e-3}  # seconds
 
 def trial(frames, forward, path, transition):
     """One trial: margin, forward pass, largest final state, path."""
-    I = forward(dp_tbd.margin(frames, transition.setting[0]), transition).values
+    I = forward(dp_tbd.margin(frames, transition.setting[0]), transition)
     return path(I, np.unravel_index(I[-1].argmax(), I[-1].shape), transition)
 
 

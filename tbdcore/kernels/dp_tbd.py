@@ -21,10 +21,6 @@ first axis of a plane is a step of Y values in memory, the second a step of one.
 cannot be reached is -inf.  The back-trace takes the argmax again, in the forward pass's order of
 operations, so that both agree to the last bit.
 
-Often the next frames differ from the last ones in a few cells, as when a target is added to the
-same noise.  Then a forward pass takes the maps of the last frames, and computes again only the rows
-that a changed cell can reach.
-
 A target is a point: all of its signal is in one cell (``point_frames``).
 """
 
@@ -48,7 +44,6 @@ from tbdcore.checks import (
 from tbdcore.jit import kernel
 
 __all__ = [
-    "Maps",
     "Transition",
     "box_transition",
     "coupled_transition",
@@ -101,7 +96,6 @@ def point_frames(
 
 
 PIECE = 1920  # bytes of a plane that are treated together: they stay in the first-level cache
-FAR = 1 << 40  # first row of an empty range, and minus its end
 Weights = Annotated[ArrayLike, Numbers("2d+1", low=0.0, single=True)]
 Three = Annotated[ArrayLike, Numbers(3, low=0.0, single=True)]
 Prices = Annotated[ArrayLike, Numbers(3, low=0.0, high=np.inf, single=True)]
@@ -222,7 +216,7 @@ def penalised_transition(
     return _transition("penalised_transition", rows[:2], rows[0], rows[1:], velocities, width, True)
 
 
-def _known(transition):
+def _given(transition):
     if not isinstance(transition, Transition):
         raise ValueError("transition: give what one of the functions *_transition returns")
     return transition
@@ -236,7 +230,7 @@ def _table(transition):
     return transition.position[:, None] * transition.velocity, np.multiply
 
 
-def forward_spec(z, transition, maps=None):
+def forward_spec(z, transition):
     """Specification of :func:`forward`: all predecessors of every state."""
     lowest, highest = transition.setting[1:3]
     table, combine = _table(transition)
@@ -255,7 +249,7 @@ def forward_spec(z, transition, maps=None):
                 value = combine(combine(moved, table[n, s]), table[m, r])
                 np.fmax(I[k, iv, jv], value, out=I[k, iv, jv])  # NaN is never the larger one
         I[k] += z[k]
-    return Maps(I, z, transition.setting)
+    return I
 
 
 def _candidates(previous, state, table, lowest, combine):
@@ -285,125 +279,47 @@ def path_spec(I, state, transition):
 
 
 # Forward pass
-class Maps(NamedTuple):
-    """The result of a forward pass.  Given to the next one, it is updated in place.
-
-    values : (K, V, V, X, Y) value maps I, with X and Y counting the margin
-    frames : (K, X, Y) the frames that they were computed from
-    setting : of the transition that they were computed with
-    """
-
-    values: Array
-    frames: Array
-    setting: tuple[float, ...]
-
-
 @checked
-def forward(z: Frames, transition: Transition, maps: Maps | None = None) -> Maps:
-    """Value maps of Wan et al. 2013, eqs. (4), (12), (14), (16), new or updated.
+def forward(z: Frames, transition: Transition) -> Array:
+    """Value maps I (K, V, V, X, Y) of Wan et al. 2013, eqs. (4), (12), (14), (16).
 
     z : (K, X, Y) frames in their margin; a cell of -inf cannot be passed, NaN is a ValueError
-    maps : of other frames by the same transition, to be updated in place; None: new ones
+    X and Y count the margin.
     """
-    width, lowest, highest, prices = _known(transition).setting[:4]
-    weights = transition.weights.astype(z.dtype, copy=False)
-    if maps is None:
-        maps = _new_maps(z, width, highest - lowest + 1, transition.setting)
-        rows = np.full((len(z), 2), (0, z.shape[1]))
-    elif not isinstance(maps, Maps):
-        raise ValueError("forward: maps: give None, or the result of a forward pass")
-    elif maps.frames.shape != z.shape or maps.frames.dtype != z.dtype:
-        raise ValueError("forward: maps: of another size or type; give None")
-    elif maps.setting is not transition.setting and maps.setting != transition.setting:
-        raise ValueError("forward: maps: of another transition; give None")
-    else:
-        rows = _changed_rows(z, maps.frames)
-    _take_rows(maps.frames, z, rows, width)
-    if len(weights) == 1:
-        _box_forward(maps.values, z, rows, width, lowest, weights[0])
-    else:
-        _changing_forward(maps.values, z, rows, width, lowest, weights, prices)
-    return maps
-
-
-def _new_maps(z, width, V, setting):
-    """Maps whose values and frames are still to be written, but for the -inf of the margin."""
-    K, X, Y = z.shape
+    width, lowest, highest, prices = _given(transition).setting[:4]
+    (K, X, Y), V = z.shape, highest - lowest + 1
     if K == 0 or min(X, Y) <= 2 * width:
         raise ValueError(f"forward: z: shape {z.shape} leaves no cell in a margin of {width}")
+    edge = np.ones((X, Y), bool)
+    edge[width : X - width, width : Y - width] = False
+    if not (z < np.inf).all() or (z[:, edge] > -np.inf).any():
+        raise ValueError("forward: z: NaN, inf, or no margin of -inf; use margin(frames, width)")
+    weights = transition.weights.astype(z.dtype, copy=False)
     fits_memory("dp_tbd.forward: z, transition", K, V, V, X, Y)
-    values = np.empty((K, V, V, X, Y), z.dtype)
-    values[..., :width, :] = values[..., X - width :, :] = -np.inf
-    return Maps(values, np.empty_like(z), setting)
+    I = np.empty((K, V, V, X, Y), z.dtype)
+    I[0] = z[0]  # eq. (14)
+    I[..., :width, :] = I[..., X - width :, :] = -np.inf
+    if len(weights) == 1:
+        _box_forward(I, z, width, lowest, weights[0])
+    else:
+        _changing_forward(I, z, width, lowest, weights, prices)
+    return I
 
 
 @kernel
-def _changed_rows(z, old):
-    """Rows (K, 2), first and end, in which frames z differ from old ones."""
-    K, X, Y = z.shape
-    rows = np.empty((K, 2), np.int64)
-    for k in range(K):
-        rows[k, 0] = FAR
-        rows[k, 1] = -FAR
-        for i in range(X):
-            new, before, differ = z[k, i], old[k, i], 0
-            for j in range(Y):
-                differ += new[j] != before[j]
-            if differ > 0:
-                rows[k, 0] = min(rows[k, 0], i)
-                rows[k, 1] = i + 1
-    return rows
-
-
-@kernel
-def _take_rows(frames, z, rows, width):
-    """Copy these rows of z to frames; ValueError if one has NaN, inf, or not -inf in its margin."""
-    K, X, Y = z.shape
-    for k in range(K):
-        for i in range(rows[k, 0], rows[k, 1]):
-            row = z[k, i]
-            edge = width if width <= i < X - width else Y  # cells of the margin from either end
-            wrong = 0
-            for j in range(Y):
-                wrong += not row[j] < np.inf
-            for j in range(edge):
-                wrong += (row[j] != -np.inf) | (row[Y - 1 - j] != -np.inf)
-            if wrong > 0:
-                raise ValueError("z: NaN, inf, or no margin of -inf; use margin(frames, width)")
-    for k in range(K):
-        for i in range(rows[k, 0], rows[k, 1]):
-            old, new = frames[k, i], z[k, i]
-            for j in range(Y):
-                old[j] = new[j]
-
-
-@kernel
-def _rows_inside(first, end, width, X):
-    """The rows of a range that are not in the margin: the first one, and how many."""
-    first = min(max(first, width), X - width)
-    return first, max(min(end, X - width) - first, 0)
-
-
-@kernel
-def _first_map(values, z, rows, width):
-    """Wan et al. 2013, eq. (14): in the first frame a state's value is that of its cell."""
-    _, V, _, X, Y = values.shape
-    first, n = _rows_inside(rows[0, 0], rows[0, 1], width, X)
-    frame = z[0].reshape(X * Y)[first * Y :]
-    for plane in values[0].reshape(V * V, X * Y):
-        target = plane[first * Y :]
-        for x in range(n * Y):
-            target[x] = frame[x]
+def _combined(value, weight, prices):
+    """A value after a departure: times its weight, or less its price."""
+    return value - weight if prices else value * weight
 
 
 # The velocity is kept
 @kernel
-def _box_forward(values, z, changed, width, lowest, position):
+def _box_forward(values, z, width, lowest, position):
     """The loop of :func:`forward` for a velocity that is kept.
 
     It is a maximum filter: on each axis the predecessors of a state in cell i with velocity v are
     the ``count`` cells from i - v + slack on, where ``slack`` is the lowest allowed one.
-    Changed rows, and margin columns, as in :func:`_changing_forward`.
+    Margin columns as in :func:`_changing_forward`.
     """
     allowed = np.flatnonzero(position)
     slack = allowed[0] - position.size // 2
@@ -414,22 +330,16 @@ def _box_forward(values, z, changed, width, lowest, position):
     none = frames[:0]
     best = np.full(X * Y, -np.inf, values.dtype)  # of the second axis; margin rows stay -inf
     work = np.empty(2 * X * Y, values.dtype)
-    _first_map(values, z, changed, width)
+    row, n = width * Y, (X - 2 * width) * Y  # first of the cells that are in no row of the margin
     for iv, jv in np.ndindex(V, V):
         back_i = lowest + iv - slack
         back_j = lowest + jv - slack
-        first, end = changed[0]
         for k in range(1, K):
-            first = min(first + back_i - count + 1, changed[k, 0])
-            end = max(end + back_i, changed[k, 1])
-            old = (((k - 1) * V + iv) * V + jv) * X * Y
+            old = (((k - 1) * V + iv) * V + jv) * X * Y + row
             new = old + V * V * X * Y
-            row, n = _rows_inside(first - back_i, end - back_i + count - 1, width, X)
-            _window(best, row * Y, maps, old + row * Y - back_j, 1, count, n * Y, none, 0, work)
-            row, n = _rows_inside(first, end, width, X)
-            at = (row - back_i) * Y
-            origin = (k * X + row) * Y
-            _window(maps, new + row * Y, best, at, Y, count, n * Y, frames, origin, work)
+            _window(best, row, maps, old - back_j, 1, count, n, none, 0, work)
+            at = row - back_i * Y
+            _window(maps, new, best, at, Y, count, n, frames, k * X * Y + row, work)
 
 
 @kernel
@@ -485,13 +395,12 @@ class _Axis(NamedTuple):
 
 
 @kernel
-def _changing_forward(values, z, changed, width, lowest, weights, prices):
+def _changing_forward(values, z, width, lowest, weights, prices):
     """The loop of :func:`forward` for a velocity that changes: in each frame, axis by axis.
 
-    changed : (K, 2) first and end of the rows in which a frame differs from that of the old maps.
-    From these, first and end bound the rows of map k that can differ.  State, slacks m, n and
-    changes r, s are as at the head of this module.  With v and w the velocities of the predecessor,
-    of indices iv + r and jv + s, and g the weight of a slack and a change:
+    State, slacks m, n and changes r, s are as at the head of this module.  With v and w the
+    velocities of the predecessor, of indices iv + r and jv + s, and g the weight of a slack and a
+    change:
         between[iv, jv, i, j] = max over n, s of g[n, s] I_{k-1}[iv, jv + s, i, j - w + n]
         I_k[iv, jv, i, j] = z_k[i, j] + max over m, r of g[m, r] between[iv + r, jv, i - v + m, j]
     Both lines are :func:`_one_axis`: along an axis neighbouring velocities and cells are _Axis
@@ -505,26 +414,18 @@ def _changing_forward(values, z, changed, width, lowest, weights, prices):
     frames = z.reshape(K, size)
     between = np.full(V * V * size, -np.inf, values.dtype)  # values after the second axis
     best = np.full((V + 2) * (PIECE // values.itemsize), -np.inf, values.dtype)
-    _first_map(values, z, changed, width)
-    first, end = changed[0]
+    cells = width * Y, (X - 2 * width) * Y  # those that are in no row of the margin
     for k in range(1, K):
-        first = min(first + lowest - 1, changed[k, 0])
-        end = max(end + lowest + V, changed[k, 1])
+        none = frames[k, :0]
         old = (k - 1) * V * V * size
         new = k * V * V * size
         axis = _Axis(size, 1, lowest)
         for iv in range(V):
-            back = lowest + iv
-            row, n = _rows_inside(first - back - 1, end - back + 1, width, X)
             planes = iv * V * size
-            cells = row * Y, n * Y
-            none = frames[k, :0]
             _one_axis(between, planes, maps, old + planes, axis, weights, prices, cells, none, best)
         axis = _Axis(V * size, Y, lowest)
         for jv in range(V):
-            row, n = _rows_inside(first, end, width, X)
             planes = jv * size
-            cells = row * Y, n * Y
             _one_axis(
                 maps, new + planes, between, planes, axis, weights, prices, cells, frames[k], best
             )
@@ -619,19 +520,14 @@ def _coupled(target, to, source, at, shape, table, frame, origin):
 @kernel
 def _best_slack(source, at, step, weights):
     """The largest of three values, ``step`` apart, each times its weight."""
-    p = source[at] * weights[0]
-    q = source[at + step] * weights[1]
-    r = source[at + step + step] * weights[2]
+    p = _combined(source[at], weights[0], False)
+    q = _combined(source[at + step], weights[1], False)
+    r = _combined(source[at + step + step], weights[2], False)
     p = p if p > q else q
     return p if p > r else r
 
 
 # Back-trace
-@kernel
-def _combined(value, weight, prices):
-    return value - weight if prices else value * weight
-
-
 @kernel
 def _predecessor(previous, state, position, table, lowest, prices):
     """Predecessor of largest value; the first one wins a tie, and NaN never wins.
@@ -693,7 +589,7 @@ def path(I: Values, state: Sequence[int], transition: Transition) -> Array:
         valid = False
     if not valid:
         raise ValueError(f"path: state: give four indices (iv, jv, i, j) into maps {I.shape}")
-    _, lowest, _, prices = _known(transition).setting[:4]
+    _, lowest, _, prices = _given(transition).setting[:4]
     position = transition.position.astype(I.dtype, copy=False)
     velocity = transition.velocity.astype(I.dtype, copy=False)
     return _path(I, (iv, jv, i, j), position, velocity, lowest, prices)

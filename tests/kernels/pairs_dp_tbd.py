@@ -34,15 +34,6 @@ def forward(family, weights, lowest=LOWEST, width=4, V=2 * M, **about):
     return frames(width=width, **about), transition(family, weights, lowest, width, V)
 
 
-def again(family, weights, cells, lowest=LOWEST, width=4, V=2 * M):
-    """Arguments of a forward pass that updates the maps of frames which differ in some cells."""
-    z, way = forward(family, weights, lowest, width, V, K=5, shape=(26, 7), lost=0.1)
-    maps = dp_tbd.forward_spec(z.copy(), way)
-    for k, i, j in cells:
-        z[k, width + i, width + j] = 3.0 if z[k, width + i, width + j] < 0.0 else -3.0
-    return z, way, maps
-
-
 def back(family, weights, state, lowest=LOWEST, V=2 * M, **about):
     """Arguments of a path back through four value maps that need not come from any forward pass."""
     I = frames(K=4 * V * V, **about)
@@ -69,10 +60,6 @@ FAMILIES = (
     ("penalised", (PRICE, np.array([0.2, 0.0, 0.2]))),
     ("coupled", (LITERAL,)),
 )
-CHANGES = (  # frame and cell: an end of the frames, a track, far apart, nothing
-    *([(0, 12, 3)], [(0, 0, 0)], [(0, 25, 6)], [(4, 12, 3)], [(2, 20, 0)]),
-    *([(k, 3 + 2 * k, 3) for k in range(5)], [(0, 2, 2), (3, 25, 5)], []),
-)
 STATES = ((0, 0, 4, 4), (5, 5, 12, 10), (2, 3, 8, 7), (5, 0, 6, 5), (0, 0, 0, 0), (5, 5, 16, 14))
 
 
@@ -87,11 +74,6 @@ CASES += [
     (*FORWARD, lambda family=family, w=w, about=about: forward(family, w, **about))
     for family, w in FAMILIES
     for about in DATA
-]
-CASES += [
-    (*FORWARD, lambda family=family, w=w, cells=cells, more=more: again(family, w, cells, *more))
-    for family, w, *more in [*(("box", (w,), *more) for w, *more in BOXES), *FAMILIES]
-    for cells in (CHANGES if family != "box" else CHANGES[::3])
 ]
 CASES += [
     (*PATH, lambda family=family, w=w, state=state, about=about: back(family, w, state, **about))

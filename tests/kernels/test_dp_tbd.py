@@ -35,7 +35,7 @@ def solve(z, name, M):
     from 0.
     """
     way = transition(name, M)
-    I = dp_tbd.forward(dp_tbd.margin(z, M + 1), way).values
+    I = dp_tbd.forward(dp_tbd.margin(z, M + 1), way)
     path = dp_tbd.path(I, np.unravel_index(I[-1].argmax(), I[-1].shape), way)
     inside = slice(M + 1, -M - 1)
     return I[..., inside, inside], path - [0, 0, M + 1, M + 1]
@@ -160,8 +160,8 @@ def test_a_noise_free_track_keeps_a_geometric_share_of_its_energy(dx, g):
 def test_weighted_equals_coupled_where_the_table_is_a_product():
     z = dp_tbd.margin(np.random.default_rng(8).normal(-1.0, 1.0, (4, 12, 9)), 4)
     table = dp_tbd.coupled_transition(np.outer(EQUAL, EQUAL), (-2, 3), 4)
-    ours = dp_tbd.forward(z, transition("weighted", 3)).values
-    theirs = dp_tbd.forward(z, table).values
+    ours = dp_tbd.forward(z, transition("weighted", 3))
+    theirs = dp_tbd.forward(z, table)
     np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-14)
 
 
@@ -230,7 +230,7 @@ def test_a_larger_set_never_lowers_a_value():
 
 def test_single_precision_rounds_and_does_nothing_else():
     z = dp_tbd.margin(DATA.astype(np.float32), 4)
-    I = dp_tbd.forward(z, transition("weighted", 3)).values
+    I = dp_tbd.forward(z, transition("weighted", 3))
     assert I.dtype == np.float32
     np.testing.assert_allclose(
         I[-1][..., 4:-4, 4:-4], solve(DATA, "weighted", 3)[0][-1], rtol=2e-6, atol=2e-6
@@ -262,64 +262,6 @@ def test_before_a_state_without_a_predecessor_the_path_is_minus_one(name):
     I[2][tuple(state)] = 1.0
     path = dp_tbd.path(I, tuple(state), transition(name, 3))
     assert path.tolist() == [[-1] * 4, [-1] * 4, state]
-
-
-# Maps that are updated
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_frames_that_do_not_differ_are_not_computed_again(name):
-    z, way = dp_tbd.margin(DATA, 4), transition(name, 3)
-    maps = dp_tbd.forward(z, way)
-    maps.values[:] = 7.0
-    assert dp_tbd.forward(z, way, maps) is maps
-    assert (maps.values == 7.0).all()
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_what_a_cell_cannot_reach_is_not_computed_again(name):
-    """A cell of the last frame changes its row of the last map; frame 4, its own row of map 4 and
-    at most four rows on either side in map 5.
-    """
-    z, way = dp_tbd.margin(DATA, 4), transition(name, 3)
-    for k in (5, 4):
-        maps = dp_tbd.forward(z, way)
-        maps.values[:] = 7.0
-        new = z.copy()
-        new[k, 11, 9] += 1.0
-        I = dp_tbd.forward(new, way, maps).values
-        rows = [np.flatnonzero((I[k] != 7.0).any(axis=(0, 1, 3))) for k in range(len(DATA))]
-        assert not any(row.size for row in rows[:k])
-        assert rows[k].tolist() == [11]
-        assert k == 5 or 11 - 3 - 1 <= rows[5].min() <= rows[5].max() <= 11 + 3 + 1
-
-
-def test_maps_of_another_pass_are_refused():
-    z, way = dp_tbd.margin(DATA, 4), transition("weighted", 3)
-    maps = dp_tbd.forward(z, way)
-    assert dp_tbd.forward(z, transition("weighted", 3), maps) is maps
-    for frames, other, given in (
-        (z, transition("unweighted", 3), maps),
-        (z, dp_tbd.weighted_transition(EQUAL, EQUAL, (-3, 2), 4), maps),
-        (z, dp_tbd.penalised_transition(EQUAL, EQUAL, (-2, 3), 4), maps),
-        (z[1:], way, maps),
-        (z.astype(np.float32), way, maps),
-        (z, way, (maps.values, z)),
-    ):
-        with pytest.raises(ValueError, match=r"^forward: maps: [^\n]+$"):
-            dp_tbd.forward(frames, other, given)
-
-
-def test_a_refused_frame_leaves_the_maps_as_they_were():
-    z, way = dp_tbd.margin(DATA, 4), transition("tonissen", 3)
-    maps = dp_tbd.forward(z, way)
-    before = [part.copy() for part in maps[:2]]
-    bad = z.copy()
-    bad[0, 9, 9] = 1.0
-    bad[3, 9, 9] = np.nan
-    with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        dp_tbd.forward(bad, way, maps)
-    assert all(np.array_equal(*pair) for pair in zip(before, maps, strict=False))
 
 
 # Bad input

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import tbdcore
+from tbdcore import recording
 from tbdcore.recording import misfit
 
 DP, MM, MDA, CFAR, AI = map(
@@ -62,6 +63,7 @@ CALLS = {
     DP.run: lambda: {"frames": DP_Z, "p": DP_P, "V_T": 20.0},
     DP.detect: lambda: {"z": DP_Z[:5], "p": DP_P, "V_T": 20.0},
     DP.noise_maxima: lambda: {"searches": SEARCHES, "p": DP_P},
+    DP.best_tracks: lambda: {"z": DP_Z[:5], "p": DP_P},
     MM.start: lambda: {"p": MM_P, "rng": rng()},
     MM.step: lambda: {"state": MM_STATE, "frame": MM_Z[0], "p": MM_P, "rng": rng()},
     MM.run: lambda: {"frames": MM_Z, "p": MM_P, "rng": rng()},
@@ -317,7 +319,12 @@ SPECIAL = {
         ({"state": DP.run(DP_Z, DP_P, 99.0)}, "state"),
         ({"algorithm": DP.penalised}, "algorithm"),
     ],
-    DP.detect: [({"z": DP_Z}, "frames"), ({"z": DP_Z[:4]}, "frames"), ({"most": 127}, "most")],
+    DP.detect: [
+        *[({"z": z}, "frames") for z in (DP_Z, DP_Z[:4])],
+        ({"most": 127}, "most"),
+        ({"V_T": recording.threshold(np.arange(40.0), 0.1)}, "V_T"),
+        *[({"V_T": bad}, "V_T") for bad in (True, np.True_)],
+    ],
     DP.step: [
         ({"state": DP.State(DP_Z)}, "state"),
         ({"state": DP.State(DP_Z[:3, :, :9])}, "state"),
@@ -340,7 +347,15 @@ SPECIAL = {
         ({"snr_db": (3, 5, 4)}, "snr_db"),
         ({"snr_db": ()}, "snr_db"),
         ({"turn_rates": (0.2, 0.2)}, "turn_rates"),
+        ({"grid": (10**6, 10**6)}, "grid"),
+        ({"v0": (200, 150)}, "v0"),
+        ({"x0": (351.6, 351.5)}, "x0"),
+        ({"y0": (350.4, 350.3)}, "y0"),
+        ({"region": (355, 350)}, "region"),
+        ({"x0": (349, 349.1)}, "x0"),
+        ({"y0": (354.9, 355.1)}, "y0"),
     ],
+    DP.best_tracks: [({"z": DP_Z[:4]}, "frames")],
     MM.run: [
         ({"frames": MM_Z[:2]}, "frames"),
         ({"frames": MM_Z + 100.0}, "frames"),
