@@ -15,6 +15,7 @@ and every associator here has the same form, (log_ratio, existence, detect) -> (
 ``ipda``       each track alone, as if all other plots were clutter (Musicki, Evans and Stankovic
                1994); exact for one track
 ``jipda``      exact marginals over all joint events (Musicki and Evans 2004), O(M T 2^T)
+``clustered_jipda``  the same for each cluster of tracks that share plots
 ``ljipda``     each track alone, plots discounted by their *visibility* (Zhang et al.), O(M T)
 LM-IPDA        ``ipda`` of ``modulated_log_ratio``, each track alone, the other tracks added to the
                clutter density (Musicki and La Scala 2008), O(M T)
@@ -71,6 +72,7 @@ __all__ = [
     "Flags",
     "Seen",
     "amplitude_ratio",
+    "clustered_jipda",
     "contradiction",
     "gate",
     "gate_tracks",
@@ -80,6 +82,7 @@ __all__ = [
     "ljipda",
     "look",
     "modulated_log_ratio",
+    "other_order",
     "position_bound",
     "predict_tracks",
     "prior_odds",
@@ -469,7 +472,8 @@ def jipda(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Resul
     """
     T, M = log_ratio.shape
     if T > MAX_TRACKS or (M + 1) << T > 1 << 27:
-        raise ValueError("ljipda_ai.jipda: the limit is 16 tracks and 1 GB; split into clusters")
+        words = "ljipda_ai.jipda: the limit is 16 tracks that share plots, and 1 GB; choose LM-AI"
+        raise ValueError(words)
     log_w, log_miss = np.full((T, M), -np.inf), np.empty(T)
     for t in range(T):
         log_miss[t] = math.log(max(1.0 - detect[t] * existence[t], 0.0))
@@ -513,6 +517,53 @@ def jipda_spec(log_ratio, existence, detect):
     posterior = joint.sum(axis=1)
     joint[:, 0] += posterior == 0  # an impossible track: nothing is its plot
     return joint / joint.sum(axis=1, keepdims=True), posterior
+
+
+@kernel
+def _clusters(log_ratio):
+    """Label (T,) of each track's cluster: the first of the tracks that it shares plots with,
+    directly or through others.
+    """
+    label = np.arange(len(log_ratio))
+    for m in range(log_ratio.shape[1]):
+        near = np.flatnonzero(log_ratio[:, m] > -np.inf)
+        for t in near[1:]:
+            low, high = min(label[t], label[near[0]]), max(label[t], label[near[0]])
+            label[label == high] = low
+    return label
+
+
+@checked
+@kernel
+def clustered_jipda(log_ratio: LogRatio, existence: Existence, detect: Detection) -> Result:
+    """``jipda`` of each cluster of tracks that share plots: the same marginals.
+
+    Arguments and results are those of ``jipda``.  The limit of MAX_TRACKS is that of a cluster.
+    """
+    T, M = log_ratio.shape
+    label = _clusters(log_ratio)
+    beta, posterior = np.zeros((T, M + 1)), np.empty(T)
+    for first in range(T):
+        own = np.flatnonzero(label == first)
+        if own.size == 0:
+            continue
+        if own.size > MAX_TRACKS:
+            raise ValueError("x: over 16 tracks share plots, the limit of joint events; use LM-AI")
+        seen = np.zeros(M, np.bool_)
+        for t in own:
+            seen |= log_ratio[t] > -np.inf
+        plots = np.flatnonzero(seen)
+        part, alive = jipda(log_ratio[own][:, plots], existence[own], detect[own])
+        for i, t in enumerate(own):
+            posterior[t], beta[t, 0] = alive[i], part[i, 0]
+            for j, m in enumerate(plots):
+                beta[t, m + 1] = part[i, j + 1]
+    return beta, posterior
+
+
+def clustered_jipda_spec(log_ratio, existence, detect):
+    """The joint events of all tracks together."""
+    return jipda_spec(log_ratio, existence, detect)
 
 
 @kernel
@@ -708,6 +759,7 @@ def kept_rmse(
 CERTAIN = 2.6  # standard errors, 99 %
 LEAST_SCANS, LEAST_CLAIMS, LAST_SCANS = 5, 20, 10
 FACTOR = 3.0  # by which a clutter density may be off
+LEAST_FREE, UNIT_OFF = 60, 0.22  # false plots; share beyond their median, less a half
 SMALLEST_SHARE = 0.2  # of the errors that were told, within which plots may lie
 SAME = 1.0  # squared Mahalanobis distance below which two tracks are one; two targets have 4
 DEG = 1.0, math.pi / 180  # of range and azimuth in degrees
@@ -717,7 +769,6 @@ READINGS = {  # of plots z and start states x
     "the plots look like [y, x]": lambda z, x: (z[:, ::-1], x),
     "the plots look like [range, azimuth in rad]": lambda z, x: (kalman.cartesian(z), x),
     "the plots look like [range, azimuth in degrees]": lambda z, x: (kalman.cartesian(z * DEG), x),
-    "the start states look like [x, y, vx, vy]": lambda z, x: (z, x[:, [0, 2, 1, 3]]),
 }
 
 
@@ -733,6 +784,8 @@ class Seen(NamedTuple):
     claims: float  # sum of the weights of plots over the tracks
     along: float  # the same times squared distance from the prediction, along the line of sight
     across: float  # and across it, each over its variance
+    free: float = 0.0  # plots with an amplitude that no track claims
+    loud: float = 0.0  # of these, with more power than half of the noise has
 
 
 @checked
@@ -798,6 +851,7 @@ def contradiction(
         or _errors_too_large(total)
         or _coincide(x, P, existence)
         or _other_density(total, clutter)
+        or _other_unit(total)
     )
 
 
@@ -845,6 +899,30 @@ def _coincide(x, P, existence):
             words = f"tracks {a} and {b} coincide in the last {LAST_SCANS} scans"
             return f"x: {words}; take one out: close targets need a plot each to be kept apart"
     return None
+
+
+@checked
+def other_order(x: Tracks, F: Annotated[ArrayLike, Numbers(..., low=None)]) -> bool:
+    """Whether start states (T, 4) look like [x, y, vx, vy]: in the step F (..., 4, 4) a track goes
+    farther than its range, and with the other order less than a tenth of it.
+    """
+    step = np.reshape(F, (-1, 4, 4))[0]
+    told, other = (_step_over_range(each, step) for each in (x, x[:, [0, 2, 1, 3]]))
+    return bool(((told > 1) & (other < 0.1)).all())
+
+
+def _step_over_range(x, step):
+    """Length of a step over the range, of each track."""
+    moved = np.hypot(*(x @ step.T - x)[:, ::2].T)
+    return moved / np.maximum(np.hypot(*x[:, ::2].T), 1e-9)
+
+
+def _other_unit(total):
+    """Amplitudes of false plots that are no Rayleigh noise of parameter 1."""
+    if total.free < LEAST_FREE or abs(total.loud / total.free - 0.5) < UNIT_OFF:
+        return None
+    words = f"{total.loud / total.free:.0%} of the false plots exceed the median of the noise"
+    return f"amplitude: {words}; give it, and tau, in units of the noise, no dB; or give a law"
 
 
 def _other_density(total, clutter):

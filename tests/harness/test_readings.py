@@ -1,6 +1,8 @@
 """Rows flown under their readings: the file, the verdicts that follow from it, and the study."""
 
+import math
 import types
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -165,29 +167,82 @@ def test_rows_that_no_study_flies_are_refused():
 
 @pytest.fixture(scope="module")
 def two_boats():
-    return types.SimpleNamespace(**rows.definitions("ljipda_ai", ("page", "scene", "ONE")))
+    return types.SimpleNamespace(**rows.definitions("ljipda_ai", (*boats.USES, "flown")))
 
 
 @pytest.mark.parametrize(
-    ("indicator", "sharing", "method"),
+    ("way", "method"),
     [
-        ("", "VISIBLE", "VISIBLE"),
-        ("", "STRICT", "STRICT"),
-        ("", "SQUARED", "SQUARED"),
-        ("", "BY_PLOT", "BY_PLOT"),
-        ("LARGEST", "VISIBLE", "LARGEST"),
-        ("LONE", "VISIBLE", "LONE"),
+        (boats.Way(boats.VISIBLE, boats.EVERY, False, False), "LJIPDA"),
+        (boats.Way(boats.VISIBLE, boats.EVERY, False, True), "LJIPDA-AI"),
+        (boats.Way(boats.VISIBLE, boats.LARGEST, False, True), "LJIPDA-AI, largest prior"),
+        (boats.Way(boats.VISIBLE, boats.LONE, False, True), "LJIPDA-AI, one gate"),
     ],
 )
-def test_the_study_of_05_tracks_as_the_page_does(two_boats, indicator, sharing, method):
-    """Where the page has a method of its own for a reading; it has none for combinations."""
-    alg = two_boats.page()
-    _, plots, _, s = two_boats.scene(6, 20, 0)
-    *known, _, _ = alg.arguments(plots, s, "LM-AI")
-    level = np.full(2, float(two_boats.ONE))
-    theirs, _ = alg.track(*plots, *known, level, getattr(alg, method))
-    ours = boats.track(alg, plots, s, two_boats.ONE, indicator, sharing)
-    np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-6)
+def test_the_study_of_05_tracks_as_the_page_does(two_boats, way, method):
+    """Where the page has a method of its own for a reading; with one P_D, and by track."""
+    _, plots, _, s = two_boats.crossing(6, 20, 0)
+    by_track = two_boats.pd_of(two_boats.SEA_PFA, two_boats.SNR)
+    for ours, level, told in (
+        (way, two_boats.ONE, s),
+        (way._replace(by_track=True), two_boats.SNR, replace(s, p_detect=by_track)),
+    ):
+        theirs = two_boats.flown(plots, told, method, level)
+        found = boats.track(two_boats, plots, s, ours)
+        np.testing.assert_allclose(found, theirs, rtol=1e-9, atol=1e-6)
+
+
+DENSITY = np.array([[4e-5, 9e-5, 0.0], [0.0, 6e-5, 5e-5]])  # of three plots under two tracks
+P, D, CLUTTER, GAMMA = np.array([0.9, 0.8]), np.full(2, 0.95), 3e-5, 9.0
+S = np.array([np.diag([900.0, 400.0]), np.array([[500.0, 100.0], [100.0, 300.0]])])
+SENSOR = (1.0, 1.0, CLUTTER, GAMMA, 0.98889, 0.99, 0.0)
+
+
+def shared(how):
+    with np.errstate(divide="ignore"):
+        return np.exp(boats.shared(how, np.log(DENSITY), S, P, SENSOR, D)) * CLUTTER
+
+
+def test_strict_visibility_is_one_over_one_plus_the_odds_of_the_others():
+    prior = DENSITY / DENSITY.sum(axis=1, keepdims=True) * (D * P)[:, None]
+    odds = prior / (1 - prior)
+    np.testing.assert_allclose(shared(boats.STRICT), DENSITY / (1 + odds[::-1]), rtol=1e-12)
+
+
+def test_a_prior_by_plot_is_shared_among_the_tracks_without_existence():
+    prior = D[:, None] * DENSITY / DENSITY.sum(axis=0)
+    odds = prior / (1 - prior)
+    visible = (1 + odds) / (1 + odds.sum(axis=0))
+    np.testing.assert_allclose(shared(boats.BY_PLOT), DENSITY * visible, rtol=1e-12)
+
+
+def test_the_squared_reading_counts_clutter_by_the_visibilities():
+    """By hand: P_V squared, n = sum of P_V less P_D P_W P (1 - product of (1 - P_V))."""
+    prior = DENSITY / DENSITY.sum(axis=1, keepdims=True) * (D * P)[:, None]
+    odds = prior / (1 - prior)
+    visible, found = (1 + odds) / (1 + odds.sum(axis=0)), np.zeros((2, 3))
+    for t in range(2):
+        seen, V = visible[t][DENSITY[t] > 0], math.pi * GAMMA * math.sqrt(np.linalg.det(S[t]))
+        n = seen.sum() - D[t] * P[t] * (1 - np.prod(1 - seen))
+        found[t] = CLUTTER * DENSITY[t] * visible[t] ** 2 * V / n
+    np.testing.assert_allclose(shared(boats.SQUARED), found, rtol=1e-12)
+
+
+def test_the_indicator_of_the_study_gives_a_shared_amplitude_as_it_says():
+    rng, log_ratio = np.random.default_rng(2), np.log(np.maximum(DENSITY, 1e-300) / CLUTTER)
+    log_ratio[DENSITY == 0] = -np.inf
+    for who, first, second in (
+        (boats.EVERY, 1, 1),
+        (boats.LARGEST, 1, 0),
+        (boats.LONE, 0, 0),
+        (boats.FIRST, 1, 0),
+        (boats.LAST, 0, 1),
+    ):
+        found = boats.omega(who, log_ratio, P, D, rng)
+        np.testing.assert_array_equal(found, [[1, first, 0], [0, second, 1]])
+    tossed = np.array([boats.omega(boats.COIN, log_ratio, P, D, rng)[:, 1] for _ in range(2000)])
+    np.testing.assert_array_equal(tossed.sum(axis=1), 1)
+    assert abs(tossed[:, 0].mean() - 0.5) < 4 / math.sqrt(8000)
 
 
 def test_the_digest_of_a_page_follows_what_was_flown(monkeypatch):

@@ -23,6 +23,7 @@ def tracks():
 
 FREE = {(f, "log_ratio") for f in ("ipda", "prior_odds", "visibility", "modulated_log_ratio")}
 FREE |= {("jipda", "log_ratio"), ("ljipda", "log_ratio"), ("gate", "z"), ("kept_rmse", "error")}
+FREE |= {("clustered_jipda", "log_ratio")}
 EXAMPLES = {
     "look": lambda: {
         "z": np.array([[1.0, 2.0], [9.0, 9.0], [3.0, 1.0]]),
@@ -45,6 +46,8 @@ EXAMPLES = {
     "visibility": scene,
     "modulated_log_ratio": scene,
     "jipda": scene,
+    "clustered_jipda": scene,
+    "other_order": lambda: {"x": two(X), "F": np.eye(4)},
     "ljipda": lambda: scene() | {"log_amplitude": np.array([[0.5, 0.25, 0.0], [1.0, -1.0, 2.0]])},
     "kept_rmse": lambda: {
         "error": np.arange(8.0).reshape(2, 2, 1, 2),

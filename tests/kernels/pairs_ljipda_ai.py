@@ -53,12 +53,14 @@ def _weighted(seed, T, M):
 
 SIZES = [(1, 0), (1, 1), (2, 5), (4, 3)]
 AMPLITUDE = ljipda_ai.amplitude_ratio, ljipda_ai.amplitude_ratio_spec
+CLUSTERED = ljipda_ai.clustered_jipda, ljipda_ai.clustered_jipda_spec
 ASSOCIATORS = [
     ljipda_ai.ipda,
     ljipda_ai.prior_odds,
     ljipda_ai.visibility,
     ljipda_ai.modulated_log_ratio,
     ljipda_ai.jipda,
+    ljipda_ai.clustered_jipda,
 ]
 
 CASES = [
@@ -161,9 +163,21 @@ def _degenerate():
 CASES += [
     (f"{name}, {about}", getattr(ljipda_ai, name), getattr(ljipda_ai, f"{name}_spec"), args)
     for about, *scene in _degenerate()
-    for name in ("ipda", "jipda")
+    for name in ("ipda", "jipda", "clustered_jipda")
     for args in [lambda scene=scene: scene]
 ]
+
+
+def _chain():
+    """Six tracks in three clusters: 0, 3 and 4 share plots through 3; 1 and 5 share one; 2 none."""
+    gates = np.array([[1, 0, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 1]] * 2, bool)
+    gates[3], gates[4] = [1, 1, 0, 0, 0], [0, 1, 0, 1, 0]
+    gates[5] = [0, 0, 1, 0, 0]
+    log_ratio, existence, detect = _scene(11, 6, 5, outside=-1.0)
+    return np.where(gates, log_ratio, -np.inf), existence, detect
+
+
+CASES += [("clustered_jipda, three clusters", *CLUSTERED, _chain)]
 CASES += [
     (
         f"gate, {about}",

@@ -533,8 +533,11 @@ SPECIAL = {
         (told(tau=None), "tau"),
         (told(snr=None), "snr"),
         (told(F=np.tile(F, (6, 1, 1))), "F"),
-        (told(law=lambda a: a[:-1]), "law"),
-        (told(law=lambda a: a * math.nan), "law"),
+        (told(law=lambda a: a[:-1], snr=None), "law"),
+        (told(law=lambda a: a * math.nan, snr=None), "law"),
+        (told(law=lambda a: a), "snr"),
+        (told(x=AI_X[:, [0, 2, 1, 3]]), "x"),
+        (told(p_start=0.0), "p_start"),
         (told(x=np.tile(AI_X, (9, 1))) | {"method": "JIPDA-AI"}, "x"),
         ({"accuracy": [(8.0, 0.0)] * 6}, "accuracy"),
         ({"p": AI.Scenario()}, "rng"),
@@ -643,5 +646,5 @@ def test_sixteen_tracks_are_the_limit_of_exact_association_only():
     for method in set(AI.METHODS) - {"JIPDA", "JIPDA-AI"}:
         assert np.isfinite(AI.states(AI_SCANS[:3], many, method)[0]).all()
     for method in ("JIPDA", "JIPDA-AI"):
-        with pytest.raises(ValueError, match="^x: 18 tracks, the limit of exact association is 16"):
+        with pytest.raises(ValueError, match="^x: over 16 tracks share plots"):
             AI.run(AI_SCANS[:3], many, method=method)
