@@ -535,10 +535,7 @@ SPECIAL = {
         (told(F=np.tile(F, (6, 1, 1))), "F"),
         (told(law=lambda a: a[:-1], snr=None), "law"),
         (told(law=lambda a: a * math.nan, snr=None), "law"),
-        (told(law=lambda a: a), "snr"),
-        (told(x=AI_X[:, [0, 2, 1, 3]]), "x"),
-        (told(p_start=0.0), "p_start"),
-        (told(x=np.tile(AI_X, (9, 1))) | {"method": "JIPDA-AI"}, "x"),
+        (told(x=np.tile(AI_X[:1], (17, 1))) | {"method": "JIPDA-AI"}, "x"),
         ({"accuracy": [(8.0, 0.0)] * 6}, "accuracy"),
         ({"p": AI.Scenario()}, "rng"),
     ],
@@ -642,7 +639,7 @@ def test_columns_in_another_order_are_named():
 
 
 def test_sixteen_tracks_are_the_limit_of_exact_association_only():
-    many = replace(SETUP, x=np.tile(AI_X, (9, 1)))
+    many = replace(SETUP, x=np.tile(AI_X[:1], (17, 1)))
     for method in set(AI.METHODS) - {"JIPDA", "JIPDA-AI"}:
         assert np.isfinite(AI.states(AI_SCANS[:3], many, method)[0]).all()
     for method in ("JIPDA", "JIPDA-AI"):
