@@ -82,7 +82,6 @@ __all__ = [
     "ljipda",
     "look",
     "modulated_log_ratio",
-    "other_order",
     "position_bound",
     "predict_tracks",
     "prior_odds",
