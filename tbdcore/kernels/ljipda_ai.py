@@ -82,6 +82,7 @@ __all__ = [
     "ljipda",
     "look",
     "modulated_log_ratio",
+    "other_order",
     "position_bound",
     "predict_tracks",
     "prior_odds",
@@ -901,12 +902,11 @@ def _coincide(x, P, existence):
 
 
 @checked
-def other_order(x: Tracks, F: Annotated[ArrayLike, Numbers(..., low=None)]) -> bool:
-    """Whether start states (T, 4) look like [x, y, vx, vy]: in the step F (..., 4, 4) a track goes
+def other_order(x: Tracks, F: Annotated[ArrayLike, Numbers(4, 4)]) -> bool:
+    """Whether start states (T, 4) look like [x, y, vx, vy]: in the step F (4, 4) a track goes
     farther than its range, and with the other order less than a tenth of it.
     """
-    step = np.reshape(F, (-1, 4, 4))[0]
-    told, other = (_step_over_range(each, step) for each in (x, x[:, [0, 2, 1, 3]]))
+    told, other = (_step_over_range(each, F) for each in (x, x[:, [0, 2, 1, 3]]))
     return bool(((told > 1) & (other < 0.1)).all())
 
 

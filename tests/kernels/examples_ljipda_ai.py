@@ -47,6 +47,7 @@ EXAMPLES = {
     "modulated_log_ratio": scene,
     "jipda": scene,
     "clustered_jipda": scene,
+    "other_order": lambda: {"x": two(X), "F": np.eye(4)},
     "ljipda": lambda: scene() | {"log_amplitude": np.array([[0.5, 0.25, 0.0], [1.0, -1.0, 2.0]])},
     "kept_rmse": lambda: {
         "error": np.arange(8.0).reshape(2, 2, 1, 2),
