@@ -16,6 +16,7 @@ combinations, the default first; it returns a ``claims.Option`` for each, None w
 be combined.  `compared` makes them of the values of each trial.
 """
 
+import functools
 import importlib.util
 import inspect
 import itertools
@@ -72,11 +73,17 @@ def compared(values, error=None):
     return options
 
 
+@functools.cache
+def used(paper, names):
+    """What a study uses of a page, executed once: a class has to stay the same for all rows."""
+    return types.SimpleNamespace(**rows.definitions(paper, names))
+
+
 def lines(paper, id, study):
     """The lines of one claim, as tuples."""
     ledger = claims.Ledger(paper, strict=False)
     claim, readings = ledger.named(id, ledger.claims), combinations(ledger, id)
-    page = types.SimpleNamespace(**rows.definitions(paper, study.USES))
+    page = used(paper, study.USES)
     options = zip(readings, study.ROWS[id](page, readings), strict=True)
     options = {named(ledger, reading): option for reading, option in options if option}
     beyond = claims.apart({key: it for key, it in options.items() if key != "default"})
