@@ -239,7 +239,8 @@ def test_the_calls_that_are_spoiled_are_valid(function):
 
 def test_every_function_of_the_protocol_has_a_valid_call():
     for page in (DP, MM, MDA, CFAR, AI):
-        protocol = {"start", "step", "run", "detect", "noise_maxima", "bernoulli"} & {*vars(page)}
+        names = {"start", "step", "run", "detect", "noise_maxima", "best_tracks", "bernoulli"}
+        protocol = names & {*vars(page)}
         assert {function.__name__ for function in CALLS if PAGES[function] is page} == protocol
         for function in (it for it in CALLS if PAGES[it] is page):
             assert {*inspect.signature(function).parameters} <= {*KINDS, "start", "like"}
