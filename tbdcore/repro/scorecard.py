@@ -25,14 +25,14 @@ CHINESE = {
     "statements": "文字论断",
 }
 CHINESE |= {
-    "bounds": "界限",
+    "bounds": "上下界",
     "all": "合计",
     "kind": "论断",
     "published": "已发表",
-    "measured": "实测",
+    "measured": "经实验检验",
 }
 CHINESE |= {"reproduced": "复现", "differs": "不符", "depends": "取决于理解"}
-CHINESE |= {"inconclusive": "未定", "not measured": "未实测"}
+CHINESE |= {"inconclusive": "未定", "not measured": "未经实验检验"}
 STEADY = 0.9  # share of the seeds below which a verdict is marked
 UNSTEADY = f"other verdict in more than {1 - STEADY:.0%} of the seeds"
 

@@ -40,8 +40,8 @@ def test_a_row_that_depends_is_counted_and_listed(folder):
 @pytest.mark.parametrize(
     ("together", "said"),
     [
-        ("differs", "these another verdict: [01](01_tiny.ipynb) `order` (differs, not reproduced)."),
-        ("reproduced", "the same verdicts."),
+        ("differs", "these another verdict: [01](01_tiny.ipynb) `order` (differs, not reproduced)"),
+        ("reproduced", "the same verdicts"),
     ],
 )
 def test_one_sentence_names_the_rows_that_all_seeds_together_change(folder, together, said):
@@ -49,7 +49,7 @@ def test_one_sentence_names_the_rows_that_all_seeds_together_change(folder, toge
     row = claims.row_digest(claims.read("tiny")["order"])
     (folder / "data" / "seeds.csv").write_text(f"{SEEDS}tiny,order,10,9,1,0,0,{together},{row}\n")
     every = scorecard.with_seeds(claims.ledger())
-    assert scorecard.together(every) == f"All seeds together give {said}"
+    assert scorecard.together(every) == f"All seeds together give {said}."
 
 
 @pytest.mark.parametrize("field", ["value", "unit", "kind", "rule", "gone"])

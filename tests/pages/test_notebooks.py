@@ -59,7 +59,7 @@ def code_lines(name):
     ]
 
 
-@pytest.mark.parametrize("paper", sorted(path.name for path in paths.products().glob("*/")))
+@pytest.mark.parametrize("paper", pages.notebooks())
 def test_the_products_were_made_from_the_present_sources(paper):
     records = (paths.products() / paper).glob("*.json")
     made = {json.loads(record.read_text(encoding="utf-8"))["digest"] for record in records}
