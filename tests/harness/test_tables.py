@@ -3,7 +3,6 @@ seeds, and the CPU times of a study.
 """
 
 import io
-import json
 import math
 import shutil
 import time
