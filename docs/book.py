@@ -164,6 +164,9 @@ def notebook_page(chapter, chapters):
             text = linked("".join(cell["source"]), chapters, chapter.paper)
             cell["source"] = HEADING.sub(r'<span id="section-\1"></span>\n\n\g<0>', text)
         cells.append(cell)
+    lab = f"`.venv/bin/jupyter lab notebooks/{chapter.file.name}`"
+    line = f"Open this page in JupyterLab, in a [clone](../README.md): {lab}"
+    cells.append({"cell_type": "markdown", "id": "open", "metadata": {}, "source": line})
     return json.dumps(chapter.notebook | {"cells": cells})
 
 
