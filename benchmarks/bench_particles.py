@@ -100,7 +100,8 @@ def kernels():
     lw = mm_pf_tbd.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE)
     W, _ = particles.normalise(lw)
     low, width = np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 4.0])
-    yield mm_pf_tbd.blob_log_ratio, mm_pf_tbd.blob_log_ratio_spec, (z, S, r, PEAK, BLUR, NOISE)
+    plain = tbdcore.page("mm_pf_tbd").log_ratios
+    yield mm_pf_tbd.blob_log_ratio, plain, (z, S, r, PEAK, BLUR, NOISE)
     yield (
         mm_pf_tbd.transition,
         mm_pf_tbd.transition_spec,

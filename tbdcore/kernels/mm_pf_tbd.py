@@ -87,18 +87,6 @@ def blob_image(x: Place, y: Place, peak: Peak, blur: Positive, shape: Shape) -> 
     return np.nan_to_num(peak * g[0][..., :, None] * g[1][..., None, :], nan=0.0)
 
 
-def blob_log_ratio_spec(z, S, r, peak, blur, noise):
-    """Every cell, and a mask for the patch."""
-    out = np.zeros(len(r))
-    i, j = (np.arange(1, n + 1) for n in z.shape)
-    for n in np.flatnonzero(r):
-        x, y = S[n, 0], S[n, 2]
-        near = np.outer(np.abs(i - np.floor(x + 0.5)) <= 2, np.abs(j - np.floor(y + 0.5)) <= 2)
-        h = peak * np.exp(-np.add.outer((i - x) ** 2, (j - y) ** 2) / (2 * blur**2))
-        out[n] = (h * (2 * z - h) / (2 * noise**2))[near].sum()
-    return out
-
-
 @kernel
 def _blob_exponents(S, r, nx, ny, blur, decay):
     """Particles whose patch has cells in the frame; arguments (n, 3) of their exponentials."""

@@ -1,7 +1,11 @@
-"""``mm_pf_tbd`` beside their specifications: (name, function, specification, arguments)."""
+"""``mm_pf_tbd`` beside their specifications: (name, function, specification, arguments).
+
+That of ``blob_log_ratio`` is the loop that the page shows.
+"""
 
 import numpy as np
 
+import tbdcore
 from tbdcore.kernels import mm_pf_tbd
 
 PI = np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
@@ -94,7 +98,7 @@ def blob_case(n, shape=(30, 20), blur=0.6, seed=4):
 
 
 CASES += [
-    ("blob_log_ratio", mm_pf_tbd.blob_log_ratio, mm_pf_tbd.blob_log_ratio_spec, args)
+    ("blob_log_ratio", mm_pf_tbd.blob_log_ratio, tbdcore.page("mm_pf_tbd").log_ratios, args)
     for args in (
         lambda: blob_case(500),
         lambda: blob_case(100, blur=0.9),

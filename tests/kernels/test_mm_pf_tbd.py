@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import tbdcore
 from tbdcore import motion
 from tbdcore.kernels import mm_pf_tbd
 
@@ -30,7 +31,7 @@ def test_a_sharp_blob_has_a_finite_ratio(blur):
     z = np.random.default_rng(3).normal(0, NOISE, (9, 9))
     S = blob_states((4, 5), (4.5, 5.5), (4.3, 5.2), (8.9, 0.6))
     ours = mm_pf_tbd.blob_log_ratio(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
-    theirs = mm_pf_tbd.blob_log_ratio_spec(z, S, np.ones(4, np.int64), 8.0, blur, NOISE)
+    theirs = tbdcore.page("mm_pf_tbd").log_ratios(z, S, np.ones(4, int), 8.0, blur, NOISE)
     np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-30)
 
 

@@ -33,6 +33,7 @@ DP_Z = rng(50).standard_normal((9, 9, 14))
 SEARCHES = rng(51).standard_normal((30, 9, 9, 14))
 MM_P = MM.Scenario(M=50, M_new=50)
 MM_Z = MM.simulate(MM.Scene(frames=5), rng(50))
+MM_LONG = MM.simulate(MM.Scene(frames=8), rng(50))
 MM_STATE = MM.start(MM_P, rng(1))
 GRID = {"nr": 24, "na": 14, "dr": 4.0, "da": 0.02, "r_min": 800.0, "sd_r": 1.2, "sd_a": 1.4}
 MDA_P = MDA.scenario(**GRID, N=30, B=20, window=3, noise=40.0)
@@ -197,8 +198,8 @@ CASES = [
     for argument in inspect.signature(function).parameters
     for kind in kinds(function, argument)
 ]
-OPEN = {(MM.start, "p"), (MM.start, "rng"), (MDA.start, "p"), (MDA.start, "rng")}
-unchecked = pytest.mark.xfail(strict=True, reason="02 and 03 check p and rng in step and run only")
+OPEN = {(MDA.start, "p"), (MDA.start, "rng")}
+unchecked = pytest.mark.xfail(strict=True, reason="03 checks p and rng in step and run only")
 
 
 def name_of(function):
@@ -364,7 +365,10 @@ SPECIAL = {
         ({"frames": MM_Z * 10.0}, "frames"),
         ({"frames": MM_Z / 30.0}, "frames"),
         ({"frames": spoiled(MM_Z, 0.0, 2)}, "frames"),
+        ({"frames": np.repeat(MM_Z[:3], 2, axis=0)}, "frames"),
         ({"T": [1.0, 1.0, np.nan, 1.0, 1.0]}, "T"),
+        ({"T": [1000.0] * 5}, "T"),  # milliseconds
+        ({"frames": MM_LONG, "T": np.arange(1.0, 9.0)}, "T"),  # time stamps
         ({"p": replace(MM_P, M=60), "state": MM_STATE}, "state"),
         (ratios(lambda r: None), "likelihood"),
         (ratios(lambda r: 1.0), "likelihood"),
@@ -410,6 +414,8 @@ SPECIAL = {
         ({"frames": 10**12}, "frames"),
         ({"legs": ((7, 21),)}, "legs"),
     ],
+    MM.start: [({"p": MM.Scene(), "rng": rng()}, "p")],
+    MM.path: [({"s": bad}, "s") for bad in (None, 3, MM_P)],
     MM.simulate: [
         ({"s": MM.Scene(x=31.0), "rng": rng()}, "scene"),
         ({"s": MM.Scene(speed=2.0), "rng": rng()}, "scene"),

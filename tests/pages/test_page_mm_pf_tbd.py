@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import tbdcore
-from tbdcore.repro import paths
+from benchmarks import mm_pf_tbd_methods as study
+from tbdcore.recording import misfit
+from tbdcore.repro import paths, studies
 from tbdcore.state import load, save
 
 
@@ -463,6 +465,141 @@ def test_the_regime_of_a_birth_does_not_know_its_place(page, scene_frames):
     r = page.birth_regimes(4000, np.array([0.05, 0.05]), np.random.default_rng(16))
     assert abs(np.corrcoef(r, S[:, 0])[0, 1]) < 5 / np.sqrt(4000)
     assert over.mean() == pytest.approx(1, abs=0.2)  # weights of a proposal have the mean one
+
+
+# Recursions on cells, and sentences that compare ----------------------------------------------
+
+
+def test_the_loop_of_the_page_is_equation_10(page):
+    """Against a sum without a loop, in the frame and across its border."""
+    rng = np.random.default_rng(70)
+    z, i, j = rng.normal(0, 2.3, (9, 7)), *np.mgrid[1:10, 1:8]
+    for x, y in rng.uniform(-2, 11, (200, 2)):
+        near = (abs(i - np.floor(x + 0.5)) <= 2) & (abs(j - np.floor(y + 0.5)) <= 2)
+        h = np.where(near, 8.0 * np.exp(-((i - x) ** 2 + (j - y) ** 2) / 0.72), 0.0)
+        direct = (np.sum(h * z) - np.sum(h * h) / 2) / 2.3**2
+        ours = page.log_ratio(z, x, y, 8.0, 0.6, 2.3)
+        assert ours == pytest.approx(direct, rel=1e-10, abs=1e-12)
+
+
+def test_the_log_ratio_of_a_cell_is_that_of_a_target_at_its_centre(page, scene_frames):
+    s, z = page.Scene(), scene_frames[9]
+    L = page.cell_ratios(scene_frames[9:11], page.Scenario())
+    assert L.shape == (2, 30, 20)
+    for i, j in ((1, 1), (5, 2), (30, 20), (17, 9)):
+        assert L[0, i - 1, j - 1] == pytest.approx(log_ratio(z, i, j, s), rel=1e-9)
+
+
+def test_the_recursions_of_the_study_are_those_of_the_text(page, scene_frames):
+    """Two frames by the sums of Section 4, cell by cell."""
+    L = page.cell_ratios(scene_frames[7:9], page.Scenario())
+    W, V, dead = np.zeros((32, 22)), np.full((32, 22), -np.inf), 1.0
+    for ratio in L:
+        around = [W[1 + a : 31 + a, 1 + b : 21 + b] for a in (-1, 0, 1) for b in (-1, 0, 1)]
+        prior = 0.9 * sum(around) / 9 + 0.1 * dead / 600
+        posterior = prior * np.exp(ratio)
+        total = 1 - prior.sum() + posterior.sum()
+        W[1:31, 1:21], dead = posterior / total, (1 - prior.sum()) / total
+        best = [V[1 + a : 31 + a, 1 + b : 21 + b] for a in (-1, 0, 1) for b in (-1, 0, 1)]
+        V[1:31, 1:21] = ratio + 0.9 * np.maximum(np.max(best, axis=0), 0.0)
+    p, rng = page.Scenario(), np.random.default_rng(1)
+    score, place = study.grid_filter(scene_frames[7:9], p, rng)
+    assert score[-1] == pytest.approx(1 - dead)
+    assert tuple(place[-1]) == np.unravel_index(W.argmax(), W.shape)
+    score, place = study.recursive_maximum(scene_frames[7:9], p, rng)
+    assert score[-1] == pytest.approx(V.max())
+    assert tuple(place[-1]) == np.unravel_index(V.argmax(), V.shape)
+
+
+I, B, C, E = "improved, 2000 + 2000", "Bernoulli, 1000 + 250", "classic, 2000", "classic, 4000"
+G, G2, V = "grid filter, one cell", "grid filter, two cells", "recursive maximum"
+X, W = "exact Bayes, speed known", "improved, new ones weigh 1/4"
+PRINTED = {"study": "methods", "intensity": "printed"}
+HALF = {"study": "methods", "intensity": "half"}
+
+
+def at_speed(intensity, speed):
+    return {"study": "speed", "intensity": intensity, "speed": speed}
+
+
+LEADS = [  # the first has the larger measure, by the page's sentences
+    *[("held", one, I, PRINTED) for one in (G, V, B)],
+    *[("delay", I, one, PRINTED) for one in (G, V, B, G2)],
+    ("held", I, C, PRINTED),
+    ("delay", C, I, PRINTED),
+    *[("held", V, one, PRINTED) for one in (B, G)],
+    *[("delay", one, other, HALF) for one in (I, B, C, E) for other in (G, V)],
+    ("delay", I, G2, HALF),
+    *[("held", one, I, HALF) for one in (G, V, E, W)],
+    *[("held", V, one, HALF) for one in (B, G, G2, C, I)],
+    *[("held", one, G2, HALF) for one in (G, B)],
+    *[("held", X, one, HALF) for one in (V, G, B)],
+    *[("delay", one, X, HALF) for one in (V, G, B)],
+    *[("held", one, two, at_speed(i, 1.4)) for one in (B, I) for two in (G, V)
+      for i in ("printed", "half")],
+    *[("held", B, G, at_speed(i, 0.9)) for i in ("printed", "half")],
+    ("held", V, B, at_speed("printed", 0.9)),
+    *[("held", V, B, at_speed(i, 0.4)) for i in ("printed", "half")],
+]  # fmt: skip
+OPEN = [  # no difference is resolved
+    ("held", G2, I, PRINTED),
+    ("held", G2, I, HALF),
+    ("held", V, B, at_speed("half", 0.9)),
+    ("held", W, E, HALF),
+    *[(measure, "improved, N = 1", I, where) for measure in ("held", "delay")
+      for where in (PRINTED, HALF)],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("column", "one", "other", "where"), LEADS)
+def test_a_sentence_that_compares_holds_for_five_other_seeds(column, one, other, where):
+    gap, error = study.lead(studies.read("mm_pf_tbd_methods"), column, one, other, **where)
+    assert gap > 2.6 * error
+
+
+@pytest.mark.parametrize(("column", "one", "other", "where"), OPEN)
+def test_what_is_not_resolved_is_within_its_error(column, one, other, where):
+    gap, error = study.lead(studies.read("mm_pf_tbd_methods"), column, one, other, **where)
+    assert abs(gap) < 2.6 * error
+
+
+def test_the_threshold_of_a_study_and_its_error_enter_the_measures():
+    """Scores without a target are 1 to 20000: at most one in a hundred exceeds 19801."""
+    rng = np.random.default_rng(71)
+    empty = rng.permutation(np.arange(1.0, 20001.0)).reshape(400, 50)
+    score = np.full((8, 60), 19802.0)
+    score[::2] = 19801.0
+    held, held_se, delay, delay_se = study.measures(score, np.zeros((8, 60)), empty)
+    assert (held, delay) == (0.5, 24.5)
+    assert held_se > np.std([0, 1] * 4, ddof=1) / 8**0.5 * 1.01  # more than the scatter of runs
+    assert delay_se > 0
+    assert study.measures(score, np.full((8, 60), 3.0), empty)[0] == 0  # too far from the target
+
+
+def test_a_lead_needs_one_row_of_each(page):
+    table = studies.read("mm_pf_tbd_methods")
+    with pytest.raises(ValueError, match="no single rows of 'one frame'"):
+        study.lead(table, "held", "one frame", I, study="methods")
+
+
+def test_a_target_that_no_cell_is_near_gives_one_warning(page, scene_frames):
+    p = page.Scenario(M=50, M_new=50, scene=page.Scene(amplitude=90.0))
+    with pytest.warns(misfit.Misfit, match=r"^Scene.amplitude: 17.3 times the noise") as said:
+        page.run(scene_frames, p, np.random.default_rng(1))
+    assert len(said) == 1
+    assert said[0].filename == __file__
+    bright = page.simulate(page.Scene(amplitude=90.0), np.random.default_rng(2))
+    page.run(bright, p, np.random.default_rng(1))  # a warning would be an error
+
+
+def test_times_may_vary_and_may_not_be_stamps(page, scene_frames):
+    p, z = page.Scenario(M=50, M_new=50), scene_frames[:8]
+    page.run(z, p, np.random.default_rng(1), T=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 7.0])
+    page.run(z[:7], p, np.random.default_rng(1), T=np.arange(1.0, 8.0))
+    page.run(z, p, np.random.default_rng(1), T=[99.0] * 8)
+    for T in (np.arange(1.0, 9.0), [100.0] * 8):
+        with pytest.raises(ValueError, match="^T: "):
+            page.run(z, p, np.random.default_rng(1), T=T)
 
 
 # Own data --------------------------------------------------------------------------------------
