@@ -13,8 +13,8 @@ import numpy as np
 from tbdcore.checks import Array, ArrayLike, Integer, Number, Numbers, Rule, array, checked
 from tbdcore.noise import Frames, Law
 
-__all__ = ["brightest", "delay", "grid_filter", "kept_share"]
-__all__ += ["masked_rmse", "matched_filter", "mean_se", "recursive_maximum"]
+__all__ = ["brightest", "delay", "grid_filter", "masked_rmse", "matched_filter", "mean_se"]
+__all__ += ["recursive_maximum"]
 
 
 class FlagsRule(Rule):
@@ -146,16 +146,6 @@ def delay(hits: Flags, start: Start = 0) -> Array:
     if not hits.shape[-1]:
         raise ValueError(f"baseline: start: {start} is behind the last frame; frames count from 0")
     return np.where(hits.any(axis=-1), hits.argmax(axis=-1), hits.shape[-1])
-
-
-@checked
-def kept_share(hits: Flags, start: Start = 0) -> Array:
-    """Share (...) of the frames after the first hit that are hits; NaN without such frames."""
-    first = delay(hits, start)[..., None]
-    hits = hits[..., start:]
-    later = np.arange(hits.shape[-1]) > first
-    with np.errstate(invalid="ignore"):
-        return (hits & later).sum(axis=-1) / later.sum(axis=-1)
 
 
 @checked

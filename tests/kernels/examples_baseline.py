@@ -22,7 +22,6 @@ EXAMPLES = {
     },
     "recursive_maximum": lambda: {"log_ratios": FRAMES / 4 - 1, "walk": 1, "memory": 0.75},
     "delay": lambda: {"hits": hits(), "start": 1},
-    "kept_share": lambda: {"hits": hits(), "start": 0},
     "mean_se": lambda: {"x": np.array([[1.0, 2.0], [3.0, 5.0], [4.0, 4.0]])},
     "masked_rmse": lambda: {
         "error": np.array([[1.0, 2.0], [3.0, 5.0]]),

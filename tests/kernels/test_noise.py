@@ -115,9 +115,6 @@ def test_a_place_without_known_cells_is_no_evidence():
 def test_scores_of_declarations():
     hits = np.array([[1, 0, 0, 1, 1, 0], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1]], bool)
     assert baseline.delay(hits, 1).tolist() == [2, 5, 4]
-    share = baseline.kept_share(hits, 1)
-    assert share[0] == 0.5
-    assert np.isnan(share[1:]).all()
     with pytest.raises(ValueError, match="start"):
         baseline.delay(hits, 6)
 

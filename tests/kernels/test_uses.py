@@ -1,7 +1,8 @@
-"""What no page, no other module and no documented use of own data calls is not in the core.
+"""What no page, no study of a page, no other module and no documented use of own data calls is not
+in the core.
 
-The walk is that of the digests: names, followed from the code cells of all notebooks, from the
-harness, and from what the guides show in blocks of code and between back quotes.
+The walk is that of the digests: names, followed from the code cells of all notebooks, from their
+studies in benchmarks/, from the harness, and from what the guides show in blocks of code and between back quotes.
 """
 
 import ast
@@ -11,7 +12,7 @@ import re
 from pathlib import Path
 
 import tbdcore
-from tbdcore.repro import reach
+from tbdcore.repro import pages, reach
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = Path(tbdcore.__file__).parent
@@ -57,10 +58,12 @@ def bound_by(walk):
 
 @functools.cache
 def used_by_pages():
-    """Names of the core that the notebooks and the harness reach."""
+    """Names of the core that the notebooks, their studies and the harness reach."""
     used = set()
+    studies = (file for paper in pages.papers() for file in ROOT.glob(f"benchmarks/{paper}_*.py"))
+    studies = (file.read_text(encoding="utf-8") for file in studies)
     harness = (path.read_text(encoding="utf-8") for path in (PACKAGE / "repro").glob("*.py"))
-    for source in [*notebook_code(), *harness]:
+    for source in [*notebook_code(), *studies, *harness]:
         walk = reach._Walk(reach._read, {"": source})
         walk.whole("")
         used.update(bound_by(walk))
