@@ -2,7 +2,8 @@
 in the core.
 
 The walk is that of the digests: names, followed from the code cells of all notebooks, from their
-studies in benchmarks/, from the harness, and from what the guides show in blocks of code and between back quotes.
+studies in benchmarks/, from the harness, and from what the guides show in blocks of code and
+between back quotes.
 """
 
 import ast
