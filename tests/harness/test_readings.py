@@ -167,7 +167,9 @@ def test_rows_that_no_study_flies_are_refused():
 
 @pytest.fixture(scope="module")
 def two_boats():
-    return types.SimpleNamespace(**rows.definitions("ljipda_ai", (*boats.USES, "flown")))
+    """What one crossing needs: no cell that flies trials."""
+    names = ("page", "crossing", "flown", "pd_of", "ONE", "SNR", "SEA_PFA")
+    return types.SimpleNamespace(**rows.definitions("ljipda_ai", names))
 
 
 @pytest.mark.parametrize(
