@@ -11,9 +11,8 @@
 **A gap is NaN**, a cell or a frame: estimates leave it out, and frames that are returned keep it.
 
 The law of the noise is ``"gaussian"`` (values around a mean, chapters 01 and 02) or
-``"exponential"`` (power, chapter 03); any other law is turned into one of these two by
-``normal_scores``, or into log-likelihood ratios by ``log_ratio``.  *Normalised* frames have noise
-of mean 0 and variance 1, or power of mean 1.
+``"exponential"`` (power, chapter 03); ``normal_scores`` turns any other law into a
+Gaussian one.  *Normalised* frames have noise of mean 0 and variance 1, or power of mean 1.
 
 ``levels``      noise and background: the level of each cell, frames in units of it
 ``laws``        any law of the noise
@@ -26,7 +25,7 @@ of mean 0 and variance 1, or power of mean 1.
 """
 
 from tbdcore.recording.detections import Unit, merge_plots, noise_unit, plots, starts
-from tbdcore.recording.laws import TailedLaw, empirical_law, log_ratio, normal_scores
+from tbdcore.recording.laws import TailedLaw, empirical_law, normal_scores
 from tbdcore.recording.levels import Level, background, bin_cells, clipped, normalise
 from tbdcore.recording.tables import cartesian, scans
 from tbdcore.recording.targets import Blur, blur_of, inject, kept
@@ -44,6 +43,6 @@ from tbdcore.recording.tracks import Tracks, follow
 
 __all__ = ["Blur", "Level", "Outcome", "TailedLaw", "Threshold", "Tracks", "Unit", "Windows"]
 __all__ += ["background", "bin_cells", "blocks", "blur_of", "cartesian", "clipped"]
-__all__ += ["empirical_law", "follow", "inject", "kept", "log_ratio", "merge_plots", "noise_unit"]
+__all__ += ["empirical_law", "follow", "inject", "kept", "merge_plots", "noise_unit"]
 __all__ += ["normal_scores", "normalise", "outcome", "plots", "scans", "starts", "suspects"]
 __all__ += ["threshold", "windows"]

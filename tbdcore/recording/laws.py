@@ -1,22 +1,19 @@
-"""Any law of the noise: measured from noise, turned into normal scores or log-likelihood ratios.
+"""Any law of the noise: measured from noise, and the normal scores of frames under it.
 
 ``frames`` (K, nx, ny) are in their order of time; **a gap is NaN**, a cell or a frame.
 """
 
-import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
 
-from tbdcore.checks import Array, Flag, Number, checked, numbers
+from tbdcore.checks import Array, Number, checked, numbers
 from tbdcore.noise import Frames
 
-__all__ = ["TailedLaw", "empirical_law", "log_ratio", "normal_scores"]
+__all__ = ["TailedLaw", "empirical_law", "normal_scores"]
 
 SMALL = 1e-300
-MOST_RATIO = 50.0  # log-likelihood ratios of one cell lie in [-50, 50]
-Positive = Annotated[float, Number(1e-100, 1e100)]
 
 
 # Any law of the noise
@@ -47,16 +44,6 @@ class TailedLaw(NamedTuple):
         out[left] = 1 - self.p[0] * below.sf(self.x[0] - z[left])
         out[right] = (1 - self.p[-1]) * above.sf(z[right] - self.x[-1])
         return out
-
-    def logpdf(self, z):
-        """Logarithm of the density."""
-        z = np.asarray(z, float)
-        below, middle, above = self._laws()
-        left, right = z < self.x[0], z > self.x[-1]
-        out = np.array(middle.derivative()(z))
-        out[left] = self.p[0] * below.pdf(self.x[0] - z[left])
-        out[right] = (1 - self.p[-1]) * above.pdf(z[right] - self.x[-1])
-        return np.log(np.maximum(out, SMALL))
 
     def _laws(self):
         """The laws of the lower excess, of what is between the tails, and of the upper excess."""
@@ -116,26 +103,3 @@ def normal_scores(frames: Frames, law: Any) -> Array:
     scores = ndtri(np.maximum(p, SMALL))
     scores[right] = -ndtri(np.maximum(sf(z[right]), SMALL))
     return scores
-
-
-@checked
-def log_ratio(
-    frames: Frames, law: Any, strength: Positive, adds: Annotated[bool, Flag()] = True
-) -> Array:
-    """Log-likelihood ratio of each cell, a target of given strength against noise; NaN stays.
-
-    law : of the noise; has ``logpdf``, as a frozen SciPy distribution or :func:`empirical_law`
-    strength : adds=True: what the target adds to its cell, ln p(z - a) - ln p(z); False: power
-        ratio S of a target that fluctuates as the noise does (in exponential noise Swerling 1),
-        ln p(z / (1 + S)) - ln(1 + S) - ln p(z)
-
-    Ratios are within +-50, and 0 where both densities are 0.
-    """
-    if not callable(getattr(law, "logpdf", None)):
-        raise ValueError("recording.log_ratio: law: it has no logpdf; give a frozen distribution")
-    z = np.asarray(frames, float)
-    gain = 1.0 if adds else 1.0 + strength
-    with np.errstate(invalid="ignore", divide="ignore"):
-        target = law.logpdf(z - strength if adds else z / gain) - math.log(gain)
-        ratio = np.clip(target - law.logpdf(z), -MOST_RATIO, MOST_RATIO)
-    return np.where(np.isnan(z), np.nan, np.nan_to_num(ratio, nan=0.0))

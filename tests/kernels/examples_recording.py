@@ -7,10 +7,7 @@ from scipy import stats
 
 from tbdcore.recording import Level, background, threshold
 
-FREE = {
-    (f, "frames")
-    for f in ("background", "clipped", "normalise", "normal_scores", "log_ratio", "blocks")
-}
+FREE = {(f, "frames") for f in ("background", "clipped", "normalise", "normal_scores", "blocks")}
 FREE |= {(f, "frames") for f in ("plots", "blur_of", "bin_cells", "inject")}
 FREE |= {(f, "frames") for f in ("kept", "outcome", "windows")}
 FREE |= {("empirical_law", "noise"), ("inject", "path")}
@@ -53,12 +50,6 @@ EXAMPLES = {
     "normalise": lambda: {"frames": frames(), "at": Level(3.0, 1.0)},
     "empirical_law": lambda: {"noise": frames(3, 30, 30), "tail": 0.125},
     "normal_scores": lambda: {"frames": frames(), "law": stats.norm(3.0, 1.0)},
-    "log_ratio": lambda: {
-        "frames": frames(),
-        "law": stats.norm(3.0, 1.0),
-        "strength": 2.0,
-        "adds": True,
-    },
     "blocks": lambda: {"frames": frames(40, 3, 3), "K": 4, "step": 1},
     "threshold": lambda: {
         "peaks": np.arange(80.0).reshape(40, 2),

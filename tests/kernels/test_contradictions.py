@@ -30,8 +30,8 @@ def test_a_look_at_a_scan_is_what_a_count_by_hand_gives():
     along = 0.6 * 9 / 4 + 0.1 * 44**2 / 16
     across = 0.6 * 36 / 9 + 0.1 * 103**2 / 1
     areas = [math.pi * 16 * 6, math.pi * 16 * 4]
-    ours = [1, 1.4, 0.09 + 0.25, sum(areas), areas[0], 0.7, along, across]
-    np.testing.assert_allclose(found[1:], ours, rtol=1e-12)
+    by_hand = [1, 1.4, 0.09 + 0.25, sum(areas), areas[0], 0.7, along, across, 0, 0]
+    np.testing.assert_allclose(found[1:], by_hand, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
