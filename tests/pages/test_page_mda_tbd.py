@@ -12,7 +12,7 @@ import tbdcore
 from tbdcore import particles, state
 from tbdcore.kernels import mda_tbd
 from tbdcore.recording import misfit
-from tbdcore.repro import pages, paths, studies
+from tbdcore.repro import pages, paths, studies, trials
 
 page = tbdcore.page("mda_tbd")
 SMALL = page.Filter(N=300, B=100)
@@ -862,6 +862,19 @@ def test_the_offline_study_flew_the_scenes_of_the_page():
         if R == 6:
             assert abs(rows["ospa_strict"].mean() - plain.loc[name, "ospa_strict"]) <= 0.5
             assert abs(rows["ospa"].mean() - plain.loc[name, "ospa"]) <= 0.5
+
+
+@pytest.mark.parametrize("way", ["available", "letter"])
+def test_the_study_of_the_readings_flew_the_scenes_of_the_page(way):
+    """Trial 0 of the page at 6 dB again, by the page's functions alone."""
+    told, rows = page.Filter(reading=way), studies.read("mda_tbd_readings_trials")
+    draws = [
+        trials.generator(20, "mda_tbd", "scenes", 0, it) for it in ("truth", "noise", "filter")
+    ]
+    z = page.simulate(page.Scene(), *draws[:2])
+    bias = page.recursion(z, told, draws[2]).P[14:].mean() - page.Scene().P_tar
+    it = rows[(rows["reading"] == way) & (rows["row"] == "t2.4") & (rows["trial"] == 0)]
+    assert it["bias"].item() == pytest.approx(bias, rel=1e-4)
 
 
 def test_births_by_power_leave_the_evidence_of_one_frame_as_it_is():
