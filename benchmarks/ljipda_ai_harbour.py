@@ -21,7 +21,7 @@ COLUMNS = ["scene", "method", "boat", "own", "other", "n"]
 
 def recorded(scene):
     """Times (K,), plots of each scan, and places of the boats (K, 2, 2), NaN where unknown."""
-    file = paths.CLAIMS.parent / "recorded" / f"autoferry_{scene:02d}"
+    file = paths.claims().parent / "recorded" / f"autoferry_{scene:02d}"
     rows, true = (np.genfromtxt(f"{file}{end}.csv", delimiter=",")[1:] for end in ("", "_truth"))
     radar = {row[0]: row[[2, 1]] - rows[0, [2, 1]] for row in rows}
     t, scans = recording.scans(rows[:, [0, 4, 3]])
@@ -63,7 +63,7 @@ def main():
     """Track both scenes with each method, and write the file."""
     found = [row for scene in SCENES for method in METHODS for row in shares(scene, method)]
     table = pd.DataFrame(found, columns=COLUMNS).round(3)
-    file = paths.CLAIMS.parent / "ljipda_ai_harbour.csv"
+    file = paths.claims().parent / "ljipda_ai_harbour.csv"
     head = b"# python -m benchmarks.ljipda_ai_harbour\n"
     products.write(file.parent, {file.name: head + products.csv(table)})
     print(table.to_string(index=False))

@@ -23,7 +23,7 @@ from itables import javascript, options
 from PIL import Image
 
 import tbdcore
-from tbdcore.repro import changes, cite, claims, clone, pages, paths, products, scorecard
+from tbdcore.repro import changes, cite, claims, clone, pages, paths, products, reach, scorecard
 
 FOLDERS = ("benchmarks", "data", "docs", "figures", "notebooks", "tests")
 FILES = ("README.md", "README.zh.md", "CHANGELOG.md", "LICENSE", "LICENSE-TEXT", "CITATION.cff")
@@ -164,6 +164,9 @@ def notebook_page(chapter, chapters):
             text = linked("".join(cell["source"]), chapters, chapter.paper)
             cell["source"] = HEADING.sub(r'<span id="section-\1"></span>\n\n\g<0>', text)
         cells.append(cell)
+    lab = f"`.venv/bin/jupyter lab notebooks/{chapter.file.name}`"
+    line = f"Open this page in JupyterLab, in a [clone](../README.md): {lab}"
+    cells.append({"cell_type": "markdown", "id": "open", "metadata": {}, "source": line})
     return json.dumps(chapter.notebook | {"cells": cells})
 
 
@@ -316,12 +319,30 @@ def figures_page(text, chapters):
 
 
 def core_page():
-    """The interface of each module of the core."""
-    directive = "## {0}\n\n```{{eval-rst}}\n.. automodule:: tbdcore.{0}\n```\n"
+    """The interface of each module of the core, and which chapters reach which function."""
     rooms = [paths.PACKAGE, paths.PACKAGE / "kernels", paths.PACKAGE / "recording"]
     files = [file for room in rooms for file in sorted(room.glob("[!_]*.py"))]
-    names = [file.relative_to(paths.PACKAGE).with_suffix("").parts for file in files]
-    return "\n".join(directive.format(".".join(parts)) for parts in names)
+    chapters = {
+        pages.path(paper).stem[:2]: reach.names(pages.code(paper))
+        for paper in [*pages.papers(), "together"]
+    }
+    parts = []
+    for file in files:
+        name = ".".join(file.relative_to(paths.PACKAGE).with_suffix("").parts)
+        functions = re.findall(r"^def ([a-z]\w*)", file.read_text("utf-8"), re.MULTILINE)
+        used = {
+            function: [
+                it for it, names in chapters.items() if function in names.get(f"tbdcore.{name}", ())
+            ]
+            for function in functions
+            if any(function in names.get(f"tbdcore.{name}", ()) for names in chapters.values())
+        }
+        lines = [f"`{function}` {', '.join(each)}" for function, each in used.items()]
+        shared = lines and not name.startswith("kernels")
+        said = f"Chapters that use it: {'; '.join(lines)}.\n\n" if shared else ""
+        directive = f"```{{eval-rst}}\n.. automodule:: tbdcore.{name}\n```\n"
+        parts.append(f"## {name}\n\n{said}{directive}")
+    return "\n".join(parts)
 
 
 # The book --------------------------------------------------------------------------------------

@@ -127,7 +127,8 @@ def write(folder):
     (folder / "notebooks" / "01_tiny.ipynb").write_text(notebook(CELLS), encoding="utf-8")
     for name in ("CITATION.cff", "environment.txt", "pyproject.toml"):
         shutil.copy(ROOT / name, folder / name)
-    (folder / "README.md").write_text("<!-- scorecard -->\n<!-- /scorecard -->\n", encoding="utf-8")
+    marks = "".join(f"<!-- {name} -->\n<!-- /{name} -->\n" for name in ("papers", "scorecard"))
+    (folder / "README.md").write_text(marks, encoding="utf-8")
 
 
 def declared(text):

@@ -251,6 +251,27 @@ def papers():
     return {paper: tables[paper] for paper in pages.papers()}
 
 
+def named(about, language=""):
+    """A paper of papers.toml as a text names it: authors, titles, journal and year."""
+    surnames = [author.partition(",")[0] for author in about.get("authors", [])]
+    authors = ", ".join([*surnames[:-2], " and ".join(surnames[-2:])])
+    title, other = f"*{about['title']}*", about.get("title_zh", "")
+    year = str(about.get("year", ""))
+    if language:
+        chinese = "：".join(filter(None, ["、".join(about.get("authors_zh", [])), other]))
+        english = ": ".join(filter(None, [authors, title]))
+        issue = _issue(about, "journal_zh")
+        return "，".join(filter(None, [chinese, issue, year, english]))
+    title += f" ({other})" if other else ""
+    parts = [authors or "authors not known", title, _issue(about, "journal"), year]
+    return ", ".join(filter(None, parts))
+
+
+def _issue(about, key):
+    """Journal, volume and number of a paper, as far as they are known."""
+    return f"{about[key]} {about['volume']}({about['number']})" if key in about else ""
+
+
 def topic(page):
     """What a page is about, in words."""
     return TOPICS.get(page) or papers()[page]["topic"]

@@ -77,6 +77,18 @@ def of_code(code, pages=()):
     return walk.digests()
 
 
+def names(code):
+    """The names of each module that some code reaches, as a set by module."""
+    walk = _Walk(_read, {"": code})
+    walk.whole("")
+    for paper in _pages_in(code):
+        walk.whole(PAGE + paper)
+    return {
+        module: set().union(*(walk.modules[module][i].binds for i in reached))
+        for module, reached in walk.reached.items()
+    }
+
+
 def of_trial(pickle):
     """Code and words that :func:`at_worker` needs to find the sources of a pickled trial.
 

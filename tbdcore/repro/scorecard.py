@@ -1,10 +1,10 @@
 """The scorecard: the files that hold the verdicts of all papers together, and the two READMEs.
 
 ``figures/scorecard.csv`` has every verdict, the share of the seeds that give it and the verdict of
-all seeds together (``data/seeds.csv``, made by ``benchmarks/seeds.py``).  Between two markers of
-README.md are a table of the papers, and the rows whose verdict all seeds change;
-``README.zh.md``, its translation, has a table of its own there.  Between ``<!-- caption <id> -->``
-and ``<!-- /caption -->`` stands the caption of a product.
+all seeds together (``data/seeds.csv``, made by ``benchmarks/seeds.py``).  README.md and its
+translation README.zh.md have, between two markers each, the table of the papers and what came out
+of them (``papers``), the counts of claims by kind (``scorecard``), and the caption of a product
+(``caption <id>``).
 """
 
 import contextlib
@@ -15,9 +15,24 @@ import pandas as pd
 
 from tbdcore.repro import cite, claims, pages, paths, products
 
-BEGIN, END = "<!-- scorecard -->\n", "<!-- /scorecard -->"
 CAPTION = re.compile(r"<!-- caption (\w+/\w+) -->\n.*?<!-- /caption -->", re.DOTALL)
-CHINESE_VERDICTS = ("重现", "不符", "取决于理解", "未定")  # as claims.JUDGED
+KINDS = {"number": "numbers", "ordering": "orderings", "trend": "trends"}
+KINDS |= {"statement": "statements", "bound": "bounds"}
+CHINESE = {
+    "numbers": "数值",
+    "orderings": "优劣次序",
+    "trends": "变化趋势",
+    "statements": "文字论断",
+}
+CHINESE |= {
+    "bounds": "上下界",
+    "all": "合计",
+    "kind": "论断",
+    "published": "已发表",
+    "measured": "经实验检验",
+}
+CHINESE |= {"reproduced": "复现", "differs": "不符", "depends": "取决于理解"}
+CHINESE |= {"inconclusive": "未定", "not measured": "未经实验检验"}
 STEADY = 0.9  # share of the seeds below which a verdict is marked
 UNSTEADY = f"other verdict in more than {1 - STEADY:.0%} of the seeds"
 
@@ -123,65 +138,77 @@ def chinese():
 
 def _readmes(every, folder):
     """The READMEs made anew, path -> text."""
-    english, translated = map(products.markdown, _tables(every))
-    text = _between(paths.readme(), f"{english}{depending(every)}{_together(every)}")
-    texts = {paths.readme(): captions(text, folder)}
+    counts = by_kind(every)
+    english = {"papers": papers(), "scorecard": counts}
+    texts = {paths.readme(): captions(_between(paths.readme(), english), folder)}
     if chinese().is_file():
-        texts[chinese()] = _between(chinese(), translated)
+        translated = counts.rename(columns=CHINESE).replace({"kind": CHINESE, "论断": CHINESE})
+        texts[chinese()] = _between(chinese(), {"papers": papers("_zh"), "scorecard": translated})
     return texts
 
 
-def _between(path, made):
-    """The text of a README with what is made between its markers; ValueError without them."""
-    before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not end:
-        lines = f"{BEGIN.strip()} and {END.strip()}"
-        raise ValueError(f"{path.name}: {lines} are missing; the table of papers goes between them")
-    return f"{before}{BEGIN}{made}{END}{after}"
+def _between(path, tables):
+    """The text of a README with the tables between their markers; ValueError without them."""
+    text = path.read_text(encoding="utf-8")
+    for name, table in tables.items():
+        begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
+        before, _, rest = text.partition(begin)
+        _, found, after = rest.partition(end)
+        if not found:
+            lines = f"{begin.strip()} and {end}"
+            raise ValueError(f"{path.name}: {lines} are missing; a table goes between them")
+        text = f"{before}{begin}{products.markdown(table)}{end}{after}"
+    return text
+
+
+def papers(language=""):
+    """Chapter, paper and what came out of it, one row a paper, in English or, "_zh", Chinese."""
+    heads = ("章", "论文", "结果") if language else ("chapter", "paper", "what came out")
+    rows = []
+    for paper, about in cite.papers().items():
+        topic, result = about.get(f"topic{language}", ""), about.get(f"result{language}", "")
+        chapter = f"[{pages.path(paper).stem[:2]}](notebooks/{pages.path(paper).name}) {topic}"
+        rows.append((chapter, cite.named(about, language), result))
+    return pd.DataFrame(rows, columns=heads)
+
+
+def by_kind(every):
+    """How many claims of each kind are published and measured, and what came of the measured."""
+    kinds = {p: {id: row.kind for id, row in claims.read(p).items()} for p in claims.papers()}
+    every = every.assign(
+        kind=[kinds[paper][id] for paper, id in zip(every["paper"], every["id"], strict=True)]
+    )
+    rows = []
+    for name, shown in [*KINDS.items(), (None, "all")]:
+        group = every[every["kind"].isin(KINDS) if name is None else every["kind"] == name]
+        verdicts = group[group["evidence"] == "measured"]["verdict"].value_counts()
+        counts = {verdict: int(verdicts.get(verdict, 0)) for verdict in claims.JUDGED}
+        row = {"kind": shown, "published": len(group), "measured": sum(counts.values())}
+        rows.append(row | counts | {"not measured": len(group) - sum(counts.values())})
+    return pd.DataFrame(rows)
 
 
 def depending(every):
     """The measured rows that depend on a reading, in a sentence; empty if there is none."""
     parts = []
     for paper, rows in every[every["verdict"] == "depends"].groupby("paper", sort=False):
-        parts.append(f"{_link(paper)} {', '.join(f'`{id}`' for id in rows['id'])}")
-    said = f"\nThese depend on a [reading](data/readings.csv): {'; '.join(parts)}.\n"
-    return said if parts else ""
+        parts.append(f"{link(paper)} {', '.join(f'`{id}`' for id in rows['id'])}")
+    return f"These depend on a reading: {'; '.join(parts)}." if parts else ""
 
 
-def _together(every):
+def together(every):
     """The rows whose verdict is another one on the trials of all seeds together, in a sentence."""
     studied, changed = every[every["together"].notna()], {}
     odd = studied[studied["together"] != studied["verdict"]]
     for (paper, old, new), rows in odd.groupby(["paper", "verdict", "together"], sort=False):
         ids = ", ".join(f"`{id}`" for id in rows["id"])
         changed.setdefault(paper, []).append(f"{ids} ({new}, not {old})")
-    parts = [f"{_link(paper)} {', '.join(texts)}" for paper, texts in changed.items()]
+    parts = [f"{link(paper)} {', '.join(texts)}" for paper, texts in changed.items()]
     said = f"these another verdict: {'; '.join(parts)}" if parts else "the same verdicts"
-    return f"\nAll [seeds](data/seeds.csv) together give {said}.\n" if len(studied) else ""
+    return f"All seeds together give {said}." if len(studied) else ""
 
 
-def _link(paper):
+def link(paper):
+    """A link from a notebook to the page of a paper."""
     notebook = pages.path(paper)
-    return f"[{notebook.stem}](notebooks/{notebook.name})"
-
-
-def _tables(every):
-    """The tables of the READMEs: each paper, what came of its measured claims, and in English how
-    many others there are.
-    """
-    english, translated = [], []
-    for paper, about in cite.papers().items():
-        counts = claims.counts(every[every["paper"] == paper])
-        measured = {verdict: counts[f"measured: {verdict}"] for verdict in claims.JUDGED}
-        others = [name for name in (*claims.EVIDENCE[1:], "untestable", "used") if counts[name]]
-        row = {"paper": f"{about['topic']} ({about['short']})", "notebook": _link(paper)}
-        row |= {"measured": sum(measured.values())} | measured
-        row["not measured"] = ", ".join(f"{counts[name]} {name}" for name in others)
-        english.append(row | {"run time": about.get("run_time", "")})
-        row = {"章": _link(paper), "内容": about.get("topic_zh", "")}
-        row |= {"论文的论断": about.get("claim_zh", ""), "结果": about.get("result_zh", "")}
-        row["实测"] = sum(measured.values())
-        translated.append(row | dict(zip(CHINESE_VERDICTS, measured.values(), strict=True)))
-    return pd.DataFrame(english), pd.DataFrame(translated)
+    return f"[{notebook.stem[:2]}]({notebook.name})"

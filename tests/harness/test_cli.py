@@ -19,11 +19,20 @@ mean,Table 1,mean of the draws,0.0,0.01,0.05,400,0.00,,reproduced,,measured,
 order,text,shifted draws are larger,larger,margin 1.00,0.05,400,20.00,,reproduced,,measured,
 price,text,price,cheap,,,,,,untestable,,,An opinion.
 """
-TINY = "[01_tiny](notebooks/01_tiny.ipynb)"
-TABLE = f"""<!-- scorecard -->
-| paper | notebook | measured | {" | ".join(claims.JUDGED)} | not measured | run time |
-| --- | --- | --- | --- | --- | --- | --- | --- | --- |
-| Means (the tiny paper) | {TINY} | 2 | 2 | 0 | 0 | 0 | 1 untestable |  |
+TABLES = """<!-- papers -->
+| chapter | paper | what came out |
+| --- | --- | --- |
+| [01](notebooks/01_tiny.ipynb) Means | authors not known, *On the mean of some draws* |  |
+<!-- /papers -->
+<!-- scorecard -->
+| kind | published | measured | reproduced | differs | depends | inconclusive | not measured |
+| --- | --- | --- | --- | --- | --- | --- | --- |
+| numbers | 1 | 1 | 1 | 0 | 0 | 0 | 0 |
+| orderings | 1 | 1 | 1 | 0 | 0 | 0 | 0 |
+| trends | 0 | 0 | 0 | 0 | 0 | 0 | 0 |
+| statements | 1 | 0 | 0 | 0 | 0 | 0 | 1 |
+| bounds | 0 | 0 | 0 | 0 | 0 | 0 | 0 |
+| all | 3 | 2 | 2 | 0 | 0 | 0 | 1 |
 <!-- /scorecard -->
 """
 
@@ -415,10 +424,11 @@ def enter(repository, text, folder="figures"):
 def test_score_writes_scorecard_and_table(repository, capsys):
     enter(repository, VERDICTS)
     paths.readme().write_text(
-        "# Before\n\n<!-- scorecard -->\nold\n<!-- /scorecard -->\n\nAfter.\n"
+        "# Before\n\n<!-- papers -->\nold\n<!-- /papers -->\n"
+        "<!-- scorecard -->\nold\n<!-- /scorecard -->\n\nAfter.\n"
     )
     assert cli.main(["score"]) == 0
-    assert paths.readme().read_text() == f"# Before\n\n{TABLE}\nAfter.\n"
+    assert paths.readme().read_text() == f"# Before\n\n{TABLES}\nAfter.\n"
     card = (repository / "figures" / "scorecard.csv").read_text().splitlines()
     assert card[0].startswith("paper,id,item,")
     assert len(card) == 1 + 3
@@ -459,7 +469,7 @@ def test_check_writes_nothing_and_finds_what_is_stale(repository, capsys):
 def test_a_readme_without_markers_is_named(repository, capsys):
     enter(repository, VERDICTS)
     paths.readme().write_text("# Nothing\n")
-    assert "<!-- /scorecard -->" in said(capsys, 2, "score")
+    assert "<!-- /papers -->" in said(capsys, 2, "score")
 
 
 def test_score_of_another_folder_leaves_the_readme_alone(repository, capsys):

@@ -8,7 +8,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pandas as pd
 import pytest
 import yaml
 
@@ -47,18 +46,6 @@ def test_a_caption_without_a_product_stays_as_it_was(tmp_path):
     assert scorecard.captions(text, tmp_path) == text.replace("old", f"*{made['caption']}*")
 
 
-def test_one_sentence_names_the_rows_that_depend_on_a_reading():
-    rows = [("dp_tbd", "a", "depends"), ("dp_tbd", "b", "differs"), ("mda_tbd", "c", "depends")]
-    every = pd.DataFrame(rows, columns=["paper", "id", "verdict"])
-    said = scorecard.depending(every)
-    assert said == (
-        "\nThese depend on a [reading](data/readings.csv): "
-        "[01_dp_tbd](notebooks/01_dp_tbd.ipynb) `a`; "
-        "[03_mda_tbd](notebooks/03_mda_tbd.ipynb) `c`.\n"
-    )
-    assert scorecard.depending(every[every["verdict"] == "differs"]) == ""
-
-
 # The Chinese README --------------------------------------------------------------------------
 
 
@@ -67,9 +54,10 @@ def behind(chinese, english):
 
     It names the digest of the text that it translates, without what is made of products.
     """
-    before, _, rest = english.partition(scorecard.BEGIN)
-    text = scorecard.CAPTION.sub("", before + rest.partition(scorecard.END)[2])
-    now = products.digest([text.encode()])
+    for name in ("papers", "scorecard"):
+        before, _, rest = english.partition(f"<!-- {name} -->")
+        english = before + rest.partition(f"<!-- /{name} -->")[2]
+    now = products.digest([scorecard.CAPTION.sub("", english).encode()])
     followed = re.findall(r"^<!-- README\.md ([0-9a-f]+) -->$", chinese, re.MULTILINE)
     says = "translate what has changed, then name the digest"
     return "" if followed[:1] == [now] else f"README.zh.md is behind: {says} {now}"
@@ -89,14 +77,18 @@ def test_only_what_is_written_by_hand_puts_the_translation_behind():
     assert not behind(CHINESE, other)
 
 
-def test_the_chinese_table_counts_as_the_scorecard():
-    counts = claims.scorecard(paths.products()).set_index("paper")
-    for paper in pages.papers():
-        numbers = [int(counts.loc[paper, f"measured: {verdict}"]) for verdict in claims.JUDGED]
-        row = next(line for line in CHINESE.splitlines() if f"| [{pages.path(paper).stem}]" in line)
-        assert row.endswith(f"| {' | '.join(map(str, [sum(numbers), *numbers]))} |")
-        for part in ("topic_zh", "claim_zh", "result_zh"):
-            assert PAPERS[paper][part] in row
+def test_the_tables_of_both_languages_say_the_same():
+    pattern = r"^\| .* \| (\d+(?: \| \d+){6}) \|$"
+    rows = [re.findall(pattern, text, re.MULTILINE) for text in (README, CHINESE)]
+    counts = scorecard.by_kind(claims.ledger(paths.products()))
+    made = [" | ".join(map(str, row[1:])) for row in counts.itertuples(index=False)]
+    assert rows == [made, made]
+    for paper, about in PAPERS.items():
+        link = f"| [{pages.path(paper).stem[:2]}](notebooks/{pages.path(paper).name})"
+        for text, language in ((README, ""), (CHINESE, "_zh")):
+            (row,) = (line for line in text.splitlines() if line.startswith(link))
+            assert about[f"topic{language}"] in row
+            assert row.endswith(f"| {about[f'result{language}']} |")
 
 
 def test_the_chinese_readme_has_the_commands_and_links_of_the_english_one():
@@ -109,22 +101,18 @@ def test_the_chinese_readme_has_the_commands_and_links_of_the_english_one():
         assert (paths.root() / target).exists(), target
 
 
-def test_the_chinese_table_of_own_data_has_the_pages_of_the_english_one():
-    guide = (paths.root() / "docs" / "own_data.md").read_text(encoding="utf-8")
-    rows = {row for row in re.findall(r"\| `(\w+)` \|$", guide, re.MULTILINE) if row in PAPERS}
-    assert set(re.findall(r"\| `(\w+)` \|$", CHINESE, re.MULTILINE)) == rows == set(PAPERS)
-
-
 def glossary():
     """Rows of the glossary: Chinese, English, numbers of the papers that use the Chinese word."""
-    table = CHINESE[CHINESE.index("| 中文 |") :].splitlines()[2:]
+    text = (paths.root() / "docs" / "glossary.md").read_text(encoding="utf-8")
+    table = text[text.index("| 中文 |") :].splitlines()[2:]
     rows = [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in table if line]
     return [row for row in rows if len(row) == 3]
 
 
 def english():
     """What the chapters and the pages of the documentation say, in small letters."""
-    parts = [file.read_text(encoding="utf-8") for file in (paths.root() / "docs").glob("*.md")]
+    files = {*(paths.root() / "docs").glob("*.md")} - {paths.root() / "docs" / "glossary.md"}
+    parts = [file.read_text(encoding="utf-8") for file in sorted(files)]
     for paper in pages.notebooks():
         cells = json.loads(pages.path(paper).read_text(encoding="utf-8"))["cells"]
         parts += ["".join(cell["source"]) for cell in cells]

@@ -23,12 +23,11 @@ def folder(repository):
 
 def test_a_row_that_depends_is_counted_and_listed(folder):
     assert cli.main(["score"]) == 0
-    (said, line) = sorted(
-        each for each in paths.readme().read_text().splitlines() if "01_tiny" in each
-    )
-    words = "These depend on a [reading](data/readings.csv): "
-    assert said == words + "[01_tiny](notebooks/01_tiny.ipynb) `mean`."
-    assert "| 2 | 1 | 0 | 1 | 0 | 1 untestable |" in line
+    every = scorecard.with_seeds(claims.ledger())
+    assert scorecard.depending(every) == "These depend on a reading: [01](01_tiny.ipynb) `mean`."
+    lines = paths.readme().read_text().splitlines()
+    assert "| numbers | 1 | 1 | 0 | 0 | 1 | 0 | 0 |" in lines
+    assert "| all | 3 | 2 | 1 | 0 | 1 | 0 | 1 |" in lines
     card = pd.read_csv(folder / "figures" / "scorecard.csv").set_index("id")
     assert list(card["readings"].dropna()) == ["1 of 2: all reproduced, half differs"]
     card = (folder / "figures" / "scorecard.md").read_text().splitlines()
@@ -41,18 +40,16 @@ def test_a_row_that_depends_is_counted_and_listed(folder):
 @pytest.mark.parametrize(
     ("together", "said"),
     [
-        ("differs", "All [seeds](data/seeds.csv) together give these another verdict: "
-         "[01_tiny](notebooks/01_tiny.ipynb) `order` (differs, not reproduced)."),
-        ("reproduced", "All [seeds](data/seeds.csv) together give the same verdicts."),
+        ("differs", "these another verdict: [01](01_tiny.ipynb) `order` (differs, not reproduced)"),
+        ("reproduced", "the same verdicts"),
     ],
-)  # fmt: skip
+)
 def test_one_sentence_names_the_rows_that_all_seeds_together_change(folder, together, said):
-    cli.main(["score"])
-    assert "[seeds]" not in paths.readme().read_text(), "without a study"
+    assert scorecard.together(scorecard.with_seeds(claims.ledger())) == "", "without a study"
     row = claims.row_digest(claims.read("tiny")["order"])
     (folder / "data" / "seeds.csv").write_text(f"{SEEDS}tiny,order,10,9,1,0,0,{together},{row}\n")
-    assert cli.main(["score"]) == 0
-    assert paths.readme().read_text().splitlines()[-2:] == [said, "<!-- /scorecard -->"]
+    every = scorecard.with_seeds(claims.ledger())
+    assert scorecard.together(every) == f"All seeds together give {said}."
 
 
 @pytest.mark.parametrize("field", ["value", "unit", "kind", "rule", "gone"])
@@ -65,7 +62,6 @@ def test_seeds_that_judged_another_value_or_rule_are_named_and_not_shown(folder,
     assert scorecard.stale() == [f"tiny {name}"]
     assert cli.main(["score"]) == 1
     assert f"anew: python -m benchmarks.seeds tiny {name}\n" in capsys.readouterr().err
-    assert "[seeds]" not in paths.readme().read_text()
     card = pd.read_csv(folder / "figures" / "scorecard.csv")
     assert card[["seeds", "together"]].isna().all(axis=None)
     study.write_text(f"{SEEDS}tiny,order,10,9,1,0,0,differs,{claims.row_digest(row)}\n")
@@ -86,7 +82,7 @@ def test_the_papers_own_figures_and_tables_come_first_in_their_order(folder):
 @pytest.mark.parametrize("name", ["README.md", "README.zh.md"])
 def test_a_readme_that_has_lost_a_marker_is_left_as_it_is(folder, capsys, name):
     """What stands after the table would be lost with it."""
-    text = "# Before\n\n<!-- scorecard -->\nold\n\nAfter.\n"
+    text = "<!-- papers -->\n<!-- /papers -->\n<!-- scorecard -->\nold\n\nAfter.\n"
     (folder / name).write_text(text, encoding="utf-8")
     assert cli.main(["score"]) == 2
     assert f"tbdcore: {name}: <!-- scorecard --> and " in capsys.readouterr().err

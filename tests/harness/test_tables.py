@@ -3,7 +3,6 @@ seeds, and the CPU times of a study.
 """
 
 import io
-import json
 import math
 import shutil
 import time
@@ -254,21 +253,17 @@ def test_a_portfolio_without_a_study_says_how_to_make_one(folder):
         studies.cost("tiny", ["weighted"])
 
 
-def test_the_index_shows_advice_of_some_chapters_and_methods_of_others(tmp_path, monkeypatch):
-    def kept(folder, names):
-        return [name for name in names if name.endswith((".svg", ".pdf", ".png"))]
-
-    figures = shutil.copytree(paths.products(), tmp_path / "figures", ignore=kept)
+def test_the_index_shows_the_papers_method_and_the_best_of_the_others(tmp_path, monkeypatch):
+    figures = shutil.copytree(
+        paths.products(), tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg")
+    )
     monkeypatch.setenv("TBDCORE_FIGURES", str(figures))
-    for name in ("advice", "methods"):
-        for file in (figures / "dp_tbd").glob(f"{name}.*"):
-            file.unlink()
-    (figures / "dp_tbd" / "methods.md").write_text("<!-- dp_tbd/methods -->\n\n| method |\n")
-    about = json.loads((figures / "dp_tbd" / "fig01.json").read_text())
-    (figures / "dp_tbd" / "methods.json").write_text(json.dumps(about | {"caption": "Seven."}))
-    (figures / "mm_pf_tbd" / "advice.csv").unlink()
-    found = rows.definitions("index", ("lessons", "methods", "silent"))
-    assert found["methods"][0] == "[01](01_dp_tbd.ipynb): *Seven.*\n\n| method |\n\n"
-    assert not any("01_" in name for name in [*found["lessons"]["chapter"], *found["silent"]])
-    assert any("[02]" in name for name in found["silent"])
-    assert any("[03]" in name for name in found["lessons"]["chapter"])
+    file = figures / "track_cfar" / "methods.csv"
+    table = tables.read(file)
+    table.loc[table["method"] == "best constant in the gate", "range (km)"] = 400.0
+    file.write_bytes(products.csv(table))
+    lessons = rows.definitions("index", ("lessons",))["lessons"]
+    own, other = lessons[lessons["chapter"].str.startswith("[04]")].to_dict("records")
+    assert (own["method"], other["method"]) == ("proposed", "best constant in the gate")
+    assert other["what it reaches"].startswith("range at one half: 400.00 ± 0.22 km; largest")
+    assert len(lessons) <= 10

@@ -16,9 +16,7 @@ from quick_products import alike
 from tbdcore.repro import claims, cli, pages, paths, scorecard
 
 FRESH = paths.build() / "nbval"
-PAGES = sorted(
-    {*pages.papers(), *(path.name for path in paths.products().iterdir() if path.is_dir())}
-)  # the index has products too
+PAGES = pages.notebooks()
 TEXT = (".csv", ".md", ".tex", ".json")
 ONE_IN_THE_SIXTH_DIGIT = 1.1e-5
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")

@@ -223,6 +223,11 @@ def test_claims_products_and_readings_are_two_clicks_from_the_index(first):
     assert [name for name in names if name not in shown] == []
 
 
+def test_the_core_names_the_chapters_that_use_a_shared_function():
+    text = " ".join(Links(BOOK / "core.html").words)
+    assert re.search(r"systematic 02, 03(, 06)?\b", text)
+
+
 def test_no_two_pages_have_one_title():
     titles = [re.search("<title>(.*?)</title>", (BOOK / name).read_text())[1] for name in PAGES]
     assert len(set(titles)) == len(titles)
