@@ -12,10 +12,11 @@ import pytest
 from scipy import stats
 
 import tbdcore
+from benchmarks import seeds
 from tbdcore import detection, kalman, motion
 from tbdcore.kernels import ljipda_ai
 from tbdcore.recording import misfit
-from tbdcore.repro import claims, pages, paths
+from tbdcore.repro import claims, pages, paths, studies
 
 page = tbdcore.page("ljipda_ai")
 CALM = page.Scenario(clutter=1e-9)
@@ -900,6 +901,31 @@ def test_amplitudes_in_another_unit_are_named(told):
     assert re.search(r"^amplitude: \d+% of the false plots exceed the median of the noise", said)
 
 
+@pytest.mark.parametrize("method", ["JIPDA", "LM-AI"])
+def test_an_azimuth_error_in_radians_is_named(method):
+    for seed in range(3):
+        setup, scans, _ = two_boats(K=60, seed=seed, false=20)
+        in_rad = math.radians(setup.sigma_theta_deg)
+        told = replace(setup, clutter="estimate", sigma_theta_deg=in_rad)
+        said, _ = warned(iter(scans), told, method)
+        assert said.startswith("sigma_theta_deg: tracks are lost, and kept if it is read as rad")
+
+
+@pytest.mark.parametrize("leaves", [4, 25])
+@pytest.mark.parametrize("false", [0, 10, 60])
+def test_boats_that_leave_are_no_azimuth_error_in_radians(false, leaves):
+    """Clutter may keep tracks alive in the wide gates, but it does not scatter as told."""
+    for seed in range(4):
+        setup, scans, truth = two_boats(K=60, seed=seed, false=false)
+        told = replace(setup, clutter="estimate")
+        for k in range(leaves, 60):
+            off = np.linalg.norm(scans[k][:, None, :2] - truth[k], axis=-1)
+            scans[k] = scans[k][off.min(axis=1) > 60.0]
+        result = page.loop(scans, told, "JIPDA")[0]
+        assert (result.existence[-1] < 0.5).all()
+        assert not page.in_radians(scans, told, "JIPDA", None, result)
+
+
 def test_start_states_in_another_order_are_refused():
     with pytest.raises(ValueError, match=r"^Setup\.x: looks like \[x, y, vx, vy\]; give"):
         replace(SETUP, x=SETUP.x[:, [0, 2, 1, 3]])
@@ -1039,6 +1065,110 @@ def test_what_the_text_says_of_the_two_boats_stands_in_the_table():
     assert min(table.loc[["LJIPDA-AI, largest prior", "JIPDA-AI"], by_track]) > 95
 
 
+LINEAR = ("IPDA-AI", "LJIPDA", "LM-AI", "LJIPDA-AI, one gate", "LJIPDA-AI")
+LINEAR += ("LJIPDA-AI, largest prior",)
+
+
+def boats():
+    """The study of Sections 5.4 to 5.7: columns as seeds.lead takes them, numbers in percent."""
+    table = studies.read("ljipda_ai_boats")
+    table["value"], table["se"] = (
+        pd.to_numeric(table[name], errors="coerce") for name in ("kept", "se")
+    )
+    table["row"] = table["case"] + "; " + table["method"]
+    return table.assign(column=table["study"] + table["x"].map(" {:g}".format))
+
+
+def surely_more(study, x, row, other):
+    """Whether a row exceeds another by 2.6 errors with the page's seed, and with five others."""
+    table, margins = boats(), []
+    for part in (table[table["seed"] == 20], table[table["seed"] != 20]):
+        gap, error = seeds.lead(part, f"{study} {x}", row, other)
+        margins.append(gap / error)
+    return min(margins) > 2.6
+
+
+@pytest.mark.parametrize("other", LINEAR)
+def test_exact_association_leads_the_linear_methods_where_the_text_says_so(other):
+    """Section 5.4."""
+    for exact in ("JIPDA", "JIPDA-AI"):
+        assert surely_more("angles", 3, f"12.5 to 1; {exact}", f"12.5 to 1; {other}")
+        for gap in (40, 60):
+            assert surely_more("angles", gap, f"side by side; {exact}", f"side by side; {other}")
+
+
+def test_what_the_text_says_of_the_largest_prior_holds_for_other_seeds():
+    """Section 5.4."""
+    best = "LJIPDA-AI, largest prior"
+    for exact in ("JIPDA", "JIPDA-AI"):
+        assert surely_more("angles", 3, f"equal levels; {best}", f"equal levels; {exact}")
+    for angle in (3, 6):
+        assert surely_more("angles", angle, f"12.5 to 1; {best}", "12.5 to 1; LJIPDA")
+    table = boats()
+    every = table[(table["method"] == "LJIPDA-AI") & (table["study"] == "angles")]
+    assert every[every["case"] == "side by side"]["value"].max() < 2
+    assert every[(every["case"] == "12.5 to 1") & (every["x"] <= 6)]["value"].max() < 1
+    told = table[table["case"] == "P_D and level by track"].groupby("method")["value"].mean()
+    assert min(told[[best, "JIPDA-AI"]]) > 95
+
+
+def test_what_the_text_says_of_heavy_tails_holds_for_other_seeds():
+    """Section 5.5."""
+    exact, linear = "JIPDA-AI", "LJIPDA-AI, largest prior"
+    for shape in (0.5, 0.3):
+        told = f"boats, told Rayleigh; {exact}"
+        assert surely_more("amplitudes", shape, "boats, dropped; JIPDA", told)
+    for shape in (3, 1, 0.5, 0.3):
+        told = f"boats, told Rayleigh; {linear}", f"boats, told the law; {linear}"
+        assert surely_more("amplitudes", shape, *told)
+    told = f"cross, told Rayleigh; {exact}"
+    assert surely_more("amplitudes", 0.3, "cross, dropped; JIPDA", told)
+    table = boats()
+    law = table[(table["case"] == "cross, told the law") & (table["method"] == exact)]
+    assert law["value"].min() > 90
+
+
+def test_what_the_text_says_of_the_indicator_holds_for_other_seeds():
+    """Section 5.6."""
+    assert surely_more("causes", 6, "equal levels; one: coin", "equal levels; both")
+    table = boats()
+    table = table[(table["study"] == "causes") & (table["case"] == "12.5 to 1")]
+    kept = table.groupby("method")["value"]
+    assert kept.max()["one: coin"] < 5
+    assert kept.max()["always B"] == 0
+    assert kept.min()["always A"] > 50
+
+
+def test_what_the_text_says_of_many_boats_holds_for_other_seeds():
+    """Section 5.7."""
+    table = boats()
+    table = table[table["study"] == "fleet"]
+    assert set(table[table["kept"] == "refused"]["method"]) == {"JIPDA", "JIPDA-AI"}
+    assert table.groupby("method")["value"].mean().max() < 25
+    for other in set(LINEAR) - {"LM-AI"}:
+        assert surely_more("fleet", 18, f"fleet; {other}", "fleet; LM-AI")
+
+
+def test_what_the_text_says_of_what_is_told_wrong_holds_for_other_seeds():
+    """Section 5.8."""
+    table = studies.read("ljipda_ai_limits")
+    for part in (table[table["seed"] == 20], table[table["seed"] != 20]):
+        part = part.assign(**{f"{name}_var": part[f"{name}_se"] ** 2 for name in ("false", "kept")})
+        every = part.groupby(["condition", "remedy"]).agg(
+            {"false": "mean", "kept": "mean", "false_var": "sum", "kept_var": "sum", "n": "size"}
+        )
+        errors = np.sqrt(every[["false_var", "kept_var"]]).div(every["n"], axis=0)
+        promised = every.loc[("as told", "stored")]
+        for condition in ("K clutter", "density", "unit"):
+            stored, recorded = ((condition, remedy) for remedy in ("stored", "recorded"))
+            error = errors.loc[stored, "false_var"]
+            assert every.loc[stored, "false"] - promised["false"] > 2.6 * error
+            error = errors.loc[recorded, "false_var"]
+            assert every.loc[recorded, "false"] - promised["false"] < 2.6 * error
+        error = errors.loc[("errors", "stored"), "kept_var"]
+        assert promised["kept"] - every.loc[("errors", "stored"), "kept"] > 2.6 * error
+
+
 def test_what_the_text_says_of_the_start_stands_in_the_tables():
     """Section 5.2."""
     lost = committed("open_scenes").map(lambda text: float(text.split(" ± ")[0]))
@@ -1047,6 +1177,16 @@ def test_what_the_text_says_of_the_start_stands_in_the_tables():
         assert max(lost.loc[aided, scene]) < 2 < 20 < lost.loc["JIPDA", scene]
     late = lost["common, start 5 m/s"]
     assert min(late["IPDA-AI"], late["LJIPDA-AI"]) > 1.5 * late["JIPDA"] > 1.5 * late["JIPDA-AI"]
+
+
+@pytest.mark.parametrize("name", ["IPDA-AI", "LJIPDA-AI"])
+def test_amplitudes_save_tracks_in_each_setting(name):
+    """Section 5.2: how many is calibrated, that they do is not."""
+    saved = committed("open_settings")[f"JIPDA less {name}"]
+    for text in saved:
+        mean, error = map(float, text.split(" ± "))
+        assert mean > 2.6 * error
+    assert len(saved) == 4
 
 
 def test_amplitude_ratio_of_the_page_is_that_of_the_core():
