@@ -609,17 +609,12 @@ class Ledger:
         verdict, cause = ("used", "") if same else ("differs", "parameter changed in this run")
         return self._enter(_row(claim, shown, verdict=verdict, cause=cause))
 
-    def inputs(self, scenario, but=()):
-        """Enter every field of a dataclass made by ``tbdcore.scenario.given``; the symbol table.
-
-        `but`: names of fields that another record has entered.
-        """
+    def inputs(self, scenario):
+        """Enter every field of a dataclass made by ``tbdcore.scenario.given``; the symbol table."""
         import pandas as pd
 
         table = []
         for field in dataclasses.fields(scenario):
-            if field.name in but:
-                continue
             value, about = getattr(scenario, field.name), field.metadata
             where = about["row"]
             if where != "open":

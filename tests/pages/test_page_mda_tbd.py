@@ -730,7 +730,7 @@ def test_a_track_faster_than_the_births_is_named():
     z = scene(p, 77, **move)
     page.run(z, p, rng(78))  # a warning would be an error
     with pytest.warns(misfit.Misfit, match="birth_speed"):
-        page.run(z, replace(p, birth_speed=0.5), rng(78))
+        page.run(z, replace(p, birth_speed=0.5, accel=0.5), rng(78))
 
 
 def test_the_help_begins_with_one_screen_whose_example_runs():
