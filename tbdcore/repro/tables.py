@@ -95,9 +95,14 @@ def shown(frame):
             pairs = zip(frame[name], frame[f"{name}_se"], strict=True)
             columns[HEADERS.get(name, name)] = [_with_error(*pair) for pair in pairs]
         elif not name.endswith("_se"):
-            cells = [f"{it:.3g}" if _finite(it) else it for it in frame[name]]
+            cells = [_plain(it) if _finite(it) else it for it in frame[name]]
             columns[HEADERS.get(name, name)] = cells
     return pd.DataFrame(columns)
+
+
+def _plain(value):
+    """A number of three digits, or of all its digits before the point."""
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
 def _with_error(value, se):

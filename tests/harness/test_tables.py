@@ -169,6 +169,11 @@ def test_a_table_is_read_as_it_was_written(folder):
     assert list(found["told"]) == ["nothing", "speed"]
 
 
+def test_a_count_has_all_its_digits_before_the_point():
+    frame = pd.DataFrame({"method": ["one", "other"], "size": [12345.6, 12.345]})
+    assert list(tables.shown(frame)["size"]) == ["12346", "12.3"]
+
+
 @pytest.mark.parametrize("paper", pages.notebooks())
 def test_the_committed_tables_have_the_times_of_the_study(paper):
     file = paths.products() / paper / "methods.csv"
