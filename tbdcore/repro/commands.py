@@ -38,9 +38,12 @@ def run_command(arguments):
         result = _run(paper, values, folder, arguments)
         if arguments.in_place and result.status == GOOD:
             output = Path(result.notebook)
-            notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
-            text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
+            executed = json.loads(output.read_text(encoding="utf-8"))
+            warning = pages.warned(executed)
+            text = json.dumps(pages.clean(executed), indent=1, ensure_ascii=False) + "\n"
             products.write(paths.notebooks(), {output.name: text.encode()})
+            if warning:
+                status = max(status, report(f"{paper}: {warning}; mend it, run it again", FAILED))
         status = max(status, result.status)
     return status
 
