@@ -189,9 +189,9 @@ def score_command(arguments):
     try:
         every = claims.ledger(folder)
     except (ValueError, FileNotFoundError) as error:
-        raise CheckFailed(error) from None
+        raise CheckFailed("; ".join([str(error), *_unlisted()])) from None
     files = scorecard.files(folder, readme=not arguments.figures)
-    changed, old = scorecard.changes(folder), scorecard.stale()
+    changed = scorecard.changes(folder)
     if not arguments.check:
         paths.require_writable(*{path.parent for path in files})
     stale = [path.name for path in files if not path.is_file() or path.read_bytes() != files[path]]
@@ -203,12 +203,22 @@ def score_command(arguments):
     if changed:
         count = f"{len(changed)} verdicts are not those of the last scorecard"
         raise CheckFailed(f"{count}: {'; '.join(changed)}")
-    faults = changes.complaints(None if arguments.figures else every)
-    other = "seeds.csv has judged another value or rule; make it anew: python -m benchmarks.seeds"
-    faults += [f"{other} {words}" for words in old]
-    if faults:
+    if faults := _unlisted(None if arguments.figures else every):
         raise CheckFailed("; ".join(faults))
     return GOOD
+
+
+def _unlisted(every=None):
+    """What the lists of changes and seeds leave out, in lines; prints where old values stand."""
+    from tbdcore.repro import scorecard
+
+    faults = changes.complaints(every)
+    other = "seeds.csv has judged another value or rule; make it anew: python -m benchmarks.seeds"
+    faults += [f"{other} {words}" for words in scorecard.stale()]
+    if places := changes.copies():
+        print(*places, sep="\n")
+        faults.append(f"places with a value that was corrected, listed above: {len(places)}")
+    return faults
 
 
 def cite_command(arguments):
