@@ -16,7 +16,7 @@ from pkgutil import iter_modules
 
 from tbdcore.jit import kernel
 
-__version__ = "1.0.0"
+__version__ = "4.0.0"
 _MODULES = [it.name for it in iter_modules(__path__) if it.name[0] != "_" and it.name != "repro"]
 __all__ = ["begin", "kernel", "page", *_MODULES]
 

@@ -8,13 +8,13 @@ rule from the declared one to the present one, ``values`` the printed values, wi
 them; each is empty where it is as declared.
 """
 
+import contextlib
 import csv
 import io
-import json
 import re
 from typing import NamedTuple
 
-from tbdcore.repro import claims, pages, paths, products
+from tbdcore.repro import claims, corrections, paths, products
 
 WORDS = 15  # of a reason, at most
 LATER = " > "  # between a rule or value and the one that took its place
@@ -100,10 +100,6 @@ def complaints(table=None):
     for (paper, id), claim in present.items():
         now = _declaration(paper, claim)
         lines += _unlisted(now, first.get((paper, id)), changed.get((paper, id)))
-    for change in changed.values():
-        lines += _left(
-            change, {it.value for (own, _), it in present.items() if own == change.paper}
-        )
     if table is not None:
         verdicts = table.set_index(["paper", "id"])["verdict"].to_dict()
         for key, it in changed.items():
@@ -112,21 +108,37 @@ def complaints(table=None):
     return lines
 
 
-def _left(change, printed):
-    """The cells of a page in which a value stands that was corrected, in lines.
+def copies():
+    """Where printed values still stand that were corrected, in lines; see :mod:`corrections`.
 
-    A value that another row prints is not looked for, nor one of fewer than three digits, which
-    may stand there for something else.
+    A correction is in progress until the run that judges by the new value and the line about it.
     """
-    old = [it for it in change.values.split(LATER)[:-1] if it not in printed]
-    old = [re.escape(it) for it in old if len(re.sub(r"\D", "", it).lstrip("0")) > 2]
-    if not old:
-        return []
-    page, lines = pages.path(change.paper), []
-    for number, cell in enumerate(json.loads(page.read_text(encoding="utf-8"))["cells"]):
-        if copied := re.search(rf"(?<![\d.])({'|'.join(old)})(?!\.?\d)", "".join(cell["source"])):
-            lines.append(f"{page.name}, cell {number}, still has {copied[0]}, of {change.id}")
+    first, changed, lines = declared(), changes(), []
+    for paper in claims.papers():
+        judged = _judged(paper)
+        for id, claim in claims.read(paper).items():
+            values = _values(first.get((paper, id)), changed.get((paper, id)))
+            in_progress = values[-1:] != [claim.value]
+            in_progress |= judged.get(id, claims.published(claim)) != claims.published(claim)
+            for old in {*values} - {claim.value}:
+                places = corrections.copies(paper, old, claim.value, in_progress)
+                lines += [f"{place}, of {id}" for place in places]
     return lines
+
+
+def _judged(paper):
+    """The printed values by which the verdicts of a paper were made, by id."""
+    file = paths.figures() / paper / "verdicts.csv"
+    with contextlib.suppress(ValueError):  # a damaged file: the scorecard says so
+        return {row.id: row.published for row in claims.records(file, claims.Verdict).values()}
+    return {}
+
+
+def _values(first, change):
+    """The printed values of a row from the declared one on; none of a row that is not declared."""
+    if change and change.values:
+        return change.values.split(LATER)
+    return [first.value] if first else []
 
 
 def _unlisted(now, first, change):
@@ -135,7 +147,7 @@ def _unlisted(now, first, change):
     if first is None:
         return [f"declared.csv: {where} is missing; declare it before you measure it"]
     rules = change.rules.split(LATER) if change and change.rules else [first.rule]
-    values = change.values.split(LATER) if change and change.values else [first.value]
+    values = _values(first, change)
     lines = []
     if rules[0] != first.rule or values[0] != first.value:
         lines.append(f"changes.csv: {where} does not begin with the declared rule and value")

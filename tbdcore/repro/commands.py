@@ -38,9 +38,12 @@ def run_command(arguments):
         result = _run(paper, values, folder, arguments)
         if arguments.in_place and result.status == GOOD:
             output = Path(result.notebook)
-            notebook = pages.clean(json.loads(output.read_text(encoding="utf-8")))
-            text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
+            executed = json.loads(output.read_text(encoding="utf-8"))
+            warning = pages.warned(executed)
+            text = json.dumps(pages.clean(executed), indent=1, ensure_ascii=False) + "\n"
             products.write(paths.notebooks(), {output.name: text.encode()})
+            if warning:
+                status = max(status, report(f"{paper}: {warning}; mend it, run it again", FAILED))
         status = max(status, result.status)
     return status
 
@@ -186,9 +189,9 @@ def score_command(arguments):
     try:
         every = claims.ledger(folder)
     except (ValueError, FileNotFoundError) as error:
-        raise CheckFailed(error) from None
+        raise CheckFailed("; ".join([str(error), *_unlisted()])) from None
     files = scorecard.files(folder, readme=not arguments.figures)
-    changed, old = scorecard.changes(folder), scorecard.stale()
+    changed = scorecard.changes(folder)
     if not arguments.check:
         paths.require_writable(*{path.parent for path in files})
     stale = [path.name for path in files if not path.is_file() or path.read_bytes() != files[path]]
@@ -200,12 +203,22 @@ def score_command(arguments):
     if changed:
         count = f"{len(changed)} verdicts are not those of the last scorecard"
         raise CheckFailed(f"{count}: {'; '.join(changed)}")
-    faults = changes.complaints(None if arguments.figures else every)
-    other = "seeds.csv has judged another value or rule; make it anew: python -m benchmarks.seeds"
-    faults += [f"{other} {words}" for words in old]
-    if faults:
+    if faults := _unlisted(None if arguments.figures else every):
         raise CheckFailed("; ".join(faults))
     return GOOD
+
+
+def _unlisted(every=None):
+    """What the lists of changes and seeds leave out, in lines; prints where old values stand."""
+    from tbdcore.repro import scorecard
+
+    faults = changes.complaints(every)
+    other = "seeds.csv has judged another value or rule; make it anew: python -m benchmarks.seeds"
+    faults += [f"{other} {words}" for words in scorecard.stale()]
+    if places := changes.copies():
+        print(*places, sep="\n")
+        faults.append(f"places with a value that was corrected, listed above: {len(places)}")
+    return faults
 
 
 def cite_command(arguments):

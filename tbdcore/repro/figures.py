@@ -167,16 +167,6 @@ class Portfolio:
         self.files[f"{name}.json"] = self._json(id, caption, claims)
         return frame
 
-    def advice(self, frame, caption, name="advice"):
-        """Keep the table of advice, with columns and number of rows as in ``screen.TABLES``."""
-        figures = [f"{self.paper}/{file[:-4]}" for file in self.files if file.endswith(".png")]
-        screen.check_table(f"{self.paper}/{name}", frame, figures)
-        return self.table(frame, name, caption)
-
-    def breaks(self, frame, caption):
-        """Keep the table of what breaks the method, in the same way."""
-        return self.advice(frame, caption, "breaks")
-
     def methods(self, frame, caption, measures=tables.MEASURES):
         """Keep the table of methods, with the columns of ``tables`` but for CPU times, which a
         study has; returns it as it is shown.

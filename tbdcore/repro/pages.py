@@ -270,7 +270,7 @@ def digest(paper):
     except SyntaxError as error:
         raise ValueError(f"{path(paper).name}: a code cell is no Python: {error}") from None
     if paper == "index":
-        tables = itertools.product(papers(), ("verdicts.csv", "advice.csv", "methods.csv"))
+        tables = itertools.product(papers(), ("verdicts.csv", "methods.csv"))
         shown = [paths.figures() / name / file for name, file in tables]
         parts += [file.read_text(encoding="utf-8") for file in shown if file.is_file()]
     if paper in claims.papers():
@@ -279,6 +279,19 @@ def digest(paper):
         flown = claims.flown(paper).values()
         parts += [repr(row._replace(digest="")) for each in flown for row in each]
     return products.digest([part.encode() for part in parts])
+
+
+def warned(notebook):
+    """What the first cell that wrote to standard error said, "cell 46: its first line"; empty when
+    none did.  The committed page does not show it, and the comparison of its outputs refuses it.
+    """
+    code = (cell for cell in notebook["cells"] if cell["cell_type"] == "code")
+    for cell in code:
+        for output in cell["outputs"]:
+            if output.get("name") == "stderr":
+                line = "".join(output["text"]).strip().partition("\n")[0]
+                return f"cell {cell['execution_count']} wrote to standard error: {line}"
+    return ""
 
 
 def clean(notebook):

@@ -5,21 +5,14 @@ page has run.  A default run shows it anew when it has published (``refresh``).
 """
 
 import ast
-import math
 import re
 import sys
-from numbers import Real
 
 import pandas as pd
 
 from tbdcore.repro import claims, pages, paths, products
 
-ADVICE = ["do", "when", "instead_of", "knows", "gain", "se"]
-ADVICE += ["tested_from", "tested_to", "breaks_at", "figure"]
-BREAKS = ["condition", "promised", "delivered as stored", "delivered after recording", "breaks_at"]
-TABLES = {"advice": (ADVICE, 3, 5), "breaks": (BREAKS, 5, 20)}  # columns, least and most rows
-WORDS = ("do", "when", "instead_of", "knows", "figure", "condition")  # columns of text
-PARTS = ("screen.outcome", "screen.advice", "screen.exhibit")  # calls that show products
+PARTS = ("screen.outcome", "screen.exhibit")  # calls that show products
 
 
 class Table(str):
@@ -32,24 +25,25 @@ class Table(str):
 
 
 class Exhibit:
-    """A figure on a page: the picture, with its caption as alternative text, and the caption.
+    """A figure or a table on a page, and below it its caption; a picture's alternative text too.
 
-    `place` names its outputs where they may be shown anew.
+    `png` is a picture, or else `text` a table in Markdown; both are empty before the first run.
+    `place` names the two outputs where they may be shown anew.
     """
 
-    def __init__(self, id, caption, png, place=""):
-        self.id, self.caption, self.png, self.place = id, caption, png, place
+    def __init__(self, id, caption, png=b"", text="", place=""):
+        self.id, self.caption, self.png, self.text, self.place = id, caption, png, text, place
 
     def __repr__(self):
         return f"{self.id}: {self.caption}"
 
     def show(self, update=False):
         """Show it, or put it in the place of what was shown there before."""
-        picture = {"image/png": self.png} if self.png else {"text/markdown": ""}
         alt = {"image/png": {"alt": self.caption}} if self.png else {}
-        text = f"*{self.id}.* {self.caption}"
-        _show(picture | {"text/plain": f"<{self.id}>"}, self.place, update, alt)
-        _show({"text/markdown": text}, self.place and f"{self.place} caption", update)
+        picture = {"text/plain": f"<{self.id}>", "image/png": self.png}
+        _show(picture if self.png else {"text/markdown": self.text}, self.place, update, alt)
+        caption = {"text/markdown": f"*{self.id}.* {self.caption}"}
+        _show(caption, self.place and f"{self.place} caption", update)
 
     _ipython_display_ = show
 
@@ -117,25 +111,13 @@ def _outcome_lines(paper, rows):
     return lines, f"Default run{run}; ± one standard error."
 
 
-def advice(paper):
-    """The advice of a paper for its first screen: do, when, instead of what, and the gain."""
-    folder = paths.products()
-    rows = read_advice([paper], folder).rename(columns={"instead_of": "instead of"})
-    rows["gain"] = list(map(_number, rows["gain"], rows["se"]))
-    caption = committed(f"{paper}/advice", folder)[1] or "Not yet run."
-    shown = products.markdown(rows[["do", "when", "instead of", "gain"]])
-    return Part(f"{shown}\n*{caption}*\n", f"{paper} advice")
-
-
 def exhibit(id):
     """A committed figure, ``exhibit("track_cfar/fig05")``, or table; a line where there is none."""
     text, caption = committed(id, paths.products())
     file = paths.products() / f"{id}.png"
-    if text:
-        return Part(f"{text.partition('-->')[2].strip()}\n\n*{caption}*", id)
-    if not file.is_file():
-        return Exhibit(id, "Not yet run.", b"", id)
-    return Exhibit(id, caption, file.read_bytes(), id)
+    png = file.read_bytes() if file.is_file() else b""
+    table = text.partition("-->")[2].strip()
+    return Exhibit(id, caption or "Not yet run.", png, table, place=id)
 
 
 def committed(id, folder):
@@ -173,44 +155,3 @@ def this_run(ledger, rows):
             lines.append((what, printed, _number(measured, se)))
     frame = pd.DataFrame(lines, columns=["", "published", "this run"])
     return Table(f"{products.markdown(frame)}\n*± one standard error.*\n")
-
-
-def check_table(where, frame, figures):
-    """Raise ValueError when a table ``<paper>/advice`` or ``<paper>/breaks`` has wrong columns, too
-    few or too many rows, an empty text, what is no number, or a figure not among `figures`.
-    """
-    columns, least, most = TABLES[where.partition("/")[2]]
-    if list(frame.columns) != columns:
-        raise ValueError(f"{where}: columns {list(frame.columns)}; give {', '.join(columns)}")
-    if not least <= len(frame) <= most:
-        raise ValueError(f"{where}: {len(frame)} rows; give {least} to {most}")
-    for number, row in enumerate(frame.to_dict("records"), start=1):
-        for column, value in row.items():
-            if reason := _fault(column, value, row, figures):
-                raise claims.fault(where, number, column, f"{value!r} {reason}")
-
-
-def _fault(column, value, row, figures):
-    """What is wrong with a cell, in words; empty if nothing is."""
-    low = {"se": 0.0, "tested_to": row.get("tested_from")}.get(column, -math.inf)
-    high = math.inf if column == "breaks_at" else 1e300  # infinity: nothing breaks it
-    if column == "figure" and value not in figures:
-        return f"is no figure of this run; the nearest is {claims.nearest(str(value), figures)!r}"
-    if column in WORDS:
-        return "" if isinstance(value, str) and value.strip() else "is no text; say it in words"
-    if isinstance(value, bool) or not isinstance(value, Real) or not -high <= value <= high:
-        return "is no number; give one"
-    return "" if value >= low else f"is below {low:g}; correct one"
-
-
-def read_advice(papers, folder=None):
-    """The advice of some papers, the paper's name in front; ValueError for another table."""
-    files = {paper: (folder or paths.figures()) / paper / "advice.csv" for paper in papers}
-    tables = {paper: pd.read_csv(file) for paper, file in files.items() if file.is_file()}
-    for paper, table in tables.items():
-        if list(table.columns) != ADVICE:
-            reason = f"its columns are not {', '.join(ADVICE)}"
-            raise ValueError(f"{files[paper]}: {reason}; make it anew: tbdcore run {paper}")
-    if not tables:
-        return pd.DataFrame(columns=["paper", *ADVICE])
-    return pd.concat(tables, names=["paper", None]).reset_index("paper").reset_index(drop=True)

@@ -48,6 +48,8 @@ def different(paper, folder, notebook):
     names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
     if outputs(pages.path(paper)) != outputs(notebook):
         names.append(f"outputs of {notebook.name}")
+    if warning := pages.warned(json.loads(notebook.read_text(encoding="utf-8"))):
+        names.append(warning)
     return names
 
 

@@ -345,6 +345,23 @@ def test_in_place_refreshes_the_notebook_as_it_is_committed(inside, monkeypatch)
     assert notebook.read_bytes() == before
 
 
+def test_a_page_that_warns_is_refused(inside, monkeypatch, capsys):
+    """The committed page does not show standard error, which the comparison of outputs refuses."""
+    made = json.loads(tiny.notebook(tiny.CELLS))
+    said = {"output_type": "stream", "name": "stderr", "text": "PerformanceWarning: slow\nhere"}
+    made["cells"][1] |= {"execution_count": 2, "outputs": [said]}
+
+    def executed(paper, values, output, **_):
+        output.parent.mkdir(exist_ok=True)
+        output.write_text(json.dumps(made))
+        return DONE._replace(notebook=str(output))
+
+    monkeypatch.setattr(batch, "execute", executed)
+    assert cli.main(["run", "tiny", "--in-place"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "tiny: cell 2 wrote to standard error: PerformanceWarning: slow;" in line
+
+
 def test_list_of_a_paper_shows_parameters_and_products(inside, capsys):
     assert cli.main(["list", "tiny"]) == 0
     out = capsys.readouterr().out

@@ -55,6 +55,11 @@ def published(folder):
     return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+def test_a_figure_without_a_size_is_as_wide_as_matplotlib_makes_it():
+    fig, _ = figures.Portfolio.new()
+    assert fig.get_size_inches().tolist() == [matplotlib.rcParamsDefault["figure.figsize"][0], 3.6]
+
+
 def test_the_same_figure_has_the_same_bytes(tmp_path):
     runs = [Publication("toy", tmp_path, PROVENANCE) for _ in range(2)]
     for run in runs:
@@ -307,81 +312,6 @@ def test_the_first_screen_has_a_row_for_each_result(inside, monkeypatch):
     ), order
     assert price == "| price | cheap |  | untestable |"
     assert said == "*Default run: seed 20, 400 trials; ± one standard error.*"
-
-
-def advice(**changed):
-    """Three rows of advice on what fig01 shows."""
-    row = {"do": "lower the threshold", "when": "a target is dim", "instead_of": "one frame"}
-    row |= {"knows": "the noise", "gain": 2.125, "se": 0.0625, "tested_from": 3, "tested_to": 12}
-    return pd.DataFrame([row | {"breaks_at": 0.5, "figure": "toy/fig01"} | changed] * 3)
-
-
-def breaks(**changed):
-    row = {"condition": "heavy tails", "promised": 0.01, "delivered as stored": 0.2}
-    return pd.DataFrame(
-        [row | {"delivered after recording": 0.011, "breaks_at": 0.3} | changed] * 5
-    )
-
-
-WRONG = [  # tables of advice, and what is named
-    *((advice(gain=bad), "gain") for bad in ("much", math.nan, math.inf)),
-    (advice(se=-0.1), "se"),
-    (advice(tested_to=2), "tested_to"),
-    (advice(knows=" "), "knows"),
-    (advice(do=3), "do"),
-    (advice(figure="toy/fig1"), "figure"),
-    (advice()[:2], "2 rows"),
-    (pd.concat([advice()] * 2), "6 rows"),
-    *((it, "columns") for it in (advice().drop(columns="knows"), advice(more=1))),
-    (advice()[list(advice())[::-1]], "columns"),
-]
-
-
-@pytest.mark.parametrize(("frame", "named"), WRONG)
-def test_advice_that_is_incomplete_is_refused_in_one_line(portfolio, frame, named):
-    portfolio.files["fig01.png"] = b"a picture"
-    with pytest.raises(ValueError, match=rf"^toy/advice[:,] .*\b{named}\b") as error:
-        portfolio.advice(frame, "What to do.")
-    assert "\n" not in str(error.value)
-    assert "advice.csv" not in portfolio.files
-
-
-def test_what_breaks_a_method_is_a_product(portfolio):
-    portfolio.breaks(breaks(breaks_at=math.inf), "What breaks it.")  # nothing breaks it
-    assert {f"breaks.{end}" for end in ("csv", "md", "tex", "json")} <= set(portfolio.files)
-    for frame, words in ((breaks()[:4], "4 rows"), (breaks(promised="none"), "column promised")):
-        with pytest.raises(ValueError, match=f"^toy/breaks.*{words}"):
-            portfolio.breaks(frame, "What breaks it.")
-
-
-def tiny_advice(folder, gain=2.125):
-    """A run of the small repository that publishes advice."""
-    portfolio = Publication("tiny", folder, PROVENANCE | {"remake": "tbdcore run tiny"})
-    portfolio.files["fig01.png"] = b"a picture"
-    portfolio.advice(advice(figure="tiny/fig01", gain=gain), "Gain in dB.")
-    return portfolio
-
-
-def test_advice_is_shown_on_the_first_screen(repository, monkeypatch):
-    assert "Not yet run" in repr(screen.advice("tiny"))
-    tiny_advice(repository / "figures").publish()
-    head, _, row, *_, caption = repr(screen.advice("tiny")).strip().splitlines()
-    assert head == "| do | when | instead of | gain |"
-    assert row == "| lower the threshold | a target is dim | one frame | 2.125 ± 0.062 |"
-    assert caption == "*Gain in dB.*"
-    monkeypatch.setenv("TBDCORE_FIGURES", str(repository / "elsewhere"))
-    assert row in repr(screen.advice("tiny"))  # always that of the repository
-
-
-def test_the_advice_of_all_chapters_is_one_table(repository):
-    assert list(screen.read_advice(["tiny"])) == ["paper", *screen.ADVICE]
-    tiny_advice(repository / "figures").publish()
-    found = screen.read_advice(["other", "tiny"])
-    assert found["paper"].tolist() == ["tiny"] * 3
-    assert found["gain"].tolist() == [2.125] * 3
-    (repository / "figures" / "tiny" / "advice.csv").write_text("do,gain\nnothing,0\n")
-    with pytest.raises(ValueError, match=r"advice\.csv: its columns are not do, when,.* run tiny$"):
-        screen.read_advice(["tiny"])
 
 
 def test_published_values_stand_beside_those_of_this_run(ledger):

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import tbdcore
 from tbdcore.repro import cite, claims, pages, paths, products, scorecard
 
 README = paths.readme().read_text(encoding="utf-8")
@@ -209,3 +210,15 @@ def test_the_changelog_is_short():
     parts = (paths.root() / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1:]
     assert [part.partition(" ")[0] for part in parts] == ["Fourth", "Third", "Second", "First"]
     assert all(len(part.strip().splitlines()) <= 12 for part in parts), "heading and ten lines"
+
+
+def test_one_version_stands_everywhere():
+    """In pyproject.toml, CITATION.cff with its tag, BibTeX, the changelog and the book."""
+    about = tomllib.loads((paths.root() / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = yaml.safe_load(paths.citation().read_text(encoding="utf-8"))
+    newest = (paths.root() / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1]
+    version = about["version"]
+    assert citation["version"] == tbdcore.__version__ == version
+    assert [it["value"] for it in citation["identifiers"]] == [f"v{version}"]
+    assert f"version = {{{version}}}" in cite.repository_entry()
+    assert newest.startswith(f"Fourth edition ({version})\n")

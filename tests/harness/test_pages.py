@@ -363,7 +363,7 @@ def test_the_digest_does_not_see_comments_docstrings_text_cells_and_causes(
     assert pages.digest("tiny") == before
 
 
-def test_the_digest_of_the_index_follows_verdicts_and_advice_of_all_papers(tmp_path, monkeypatch):
+def test_the_digest_of_the_index_follows_verdicts_and_methods_of_all_papers(tmp_path, monkeypatch):
     shutil.copytree(
         paths.products(), tmp_path / "figures", ignore=shutil.ignore_patterns("*.p??", "*.svg")
     )
@@ -373,7 +373,7 @@ def test_the_digest_of_the_index_follows_verdicts_and_advice_of_all_papers(tmp_p
         file.write("\n")
     after = pages.digest("index")
     assert after != before
-    (tmp_path / "figures" / "track_cfar" / "advice.csv").write_text("do\n")
+    (tmp_path / "figures" / "track_cfar" / "methods.csv").write_text("method\n")
     assert pages.digest("index") not in (before, after)
     assert pages.digest("track_cfar") == chapter
 

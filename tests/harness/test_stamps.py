@@ -88,6 +88,14 @@ def changed(file, old, new):
     file.write_bytes(file.read_bytes().replace(old, new, 1))
 
 
+def warn(file):
+    """Let the last cell of an executed notebook say something on standard error."""
+    notebook = json.loads(file.read_text(encoding="utf-8"))
+    said = {"output_type": "stream", "name": "stderr", "text": ["slow\n", "because\n"]}
+    notebook["cells"][-1]["outputs"].append(said)
+    file.write_text(json.dumps(notebook), encoding="utf-8")
+
+
 OTHER = {  # what a run makes otherwise, and what is named
     "fig1.csv": lambda made, shown: changed(made / "fig1.csv", b"proposed", b"traditional"),
     "fig1.png": lambda made, shown: changed(made / "fig1.png", b"IDAT", b"iDAT"),
@@ -99,6 +107,7 @@ OTHER = {  # what a run makes otherwise, and what is named
     "table1.md": lambda made, shown: (made / "table1.md").unlink(),
     "table2.csv": lambda made, shown: (made / "table2.csv").write_text("draw"),
     "outputs": lambda made, shown: changed(shown, b"3 claims", b"4 claims"),
+    "wrote to standard error": lambda made, shown: warn(shown),
 }
 
 

@@ -141,14 +141,32 @@ def test_a_chapter_may_have_another_measure_where_it_says_so(folder):
     assert "m4" in portfolio(folder).methods(frame, "Five.", measures=5)
 
 
-def test_methods_stand_on_the_first_screen(folder):
+def shown_by(exhibit, monkeypatch):
+    """The texts of the outputs of an exhibit, by the names of their places."""
+    from IPython import display
+
+    shown = {}
+
+    def keep(data, display_id, **how):
+        shown[display_id] = data["text/markdown"]
+
+    monkeypatch.setattr(display, "display", keep)
+    exhibit.show()
+    return shown
+
+
+def test_methods_stand_on_the_first_screen(folder, monkeypatch):
+    """In the two places that stand empty before the first run."""
     assert repr(screen.exhibit("tiny/methods")) == "tiny/methods: Not yet run."
+    empty = shown_by(screen.exhibit("tiny/methods"), monkeypatch)
     run = portfolio(folder / "figures")
     run.methods(methods(), "Two methods.")
     run.publish()
-    shown = repr(screen.exhibit("tiny/methods"))
-    assert shown.startswith("| method | straight | turn | CPU time, ms | told |\n")
-    assert shown.endswith("| speed |\n\n*Two methods.*")
+    table, caption = shown_by(screen.exhibit("tiny/methods"), monkeypatch).items()
+    assert table[1].startswith("| method | straight | turn | CPU time, ms | told |\n")
+    assert table[1].endswith("| speed |")
+    assert caption[1] == "*tiny/methods.* Two methods."
+    assert {table[0]: "", caption[0]: "*tiny/methods.* Not yet run."} == empty
 
 
 def test_a_chapter_retires_its_advice_for_methods(folder):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from tbdcore import checks
 from tbdcore.kernels import dp_tbd
 
 ONE = np.ones(1)
@@ -319,6 +320,14 @@ def test_a_middle_that_is_left_out_is_refused(argument):
         weights[argument][1] = odd
         with pytest.raises(ValueError, match=r"_transition: (position|velocity): [^\n]+$"):
             make(*weights, (-2, 3), 4)
+
+
+def test_the_limit_of_memory_counts_the_margin(monkeypatch):
+    monkeypatch.setattr(checks, "LARGEST", 3 * 10 * 12)
+    assert dp_tbd.margin(np.zeros((3, 6, 8)), 2).shape == (3, 10, 12)
+    for shape, width in (((3, 7, 8), 2), ((3, 6, 9), 2), ((4, 6, 8), 2), ((3, 6, 8), 3)):
+        with pytest.raises(ValueError, match=r"margin: width: [^\n]+ memory [^\n]+$"):
+            dp_tbd.margin(np.zeros(shape), width)
 
 
 def test_a_margin_as_wide_as_the_frame_is_refused():

@@ -384,6 +384,8 @@ SPECIAL = {
             {"S": MM_STATE.S[:, :4]},
             {"S": MM_STATE.S * np.nan},
             {"S": MM_STATE.S + 1e4},
+            {"S": MM_STATE.S + [1e4, 0, 0, 0, 0]},  # far in x alone
+            {"S": MM_STATE.S + [0, 0, 1e4, 0, 0]},
             {"absence": (1.5,)},
             {"absence": 0.9},
             {"s": np.zeros(4)},

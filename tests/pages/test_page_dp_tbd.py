@@ -700,6 +700,31 @@ def test_the_sentences_on_the_curves_hold_for_the_first_and_five_other_seeds(
     assert mean[higher] > mean[lower]
 
 
+@pytest.mark.parametrize("K", [11.0, 22.0])
+def test_on_the_straight_track_forty_frames_are_worse_for_the_weighted_set(K):
+    """Section 5.2."""
+    rows = study("dp_tbd_curves").query("method == 'weighted'")
+    rows = rows.assign(method=rows["x"], x=0.0)  # the numbers of frames are compared
+    assert ahead(dp_tbd_curves.lead(rows, "frames", "straight", 0.0, 40.0, K))
+
+
+@pytest.mark.parametrize("omega", [0.0, 0.2, 0.4])
+def test_the_weighted_set_saves_less_on_a_fading_target(omega):
+    """Section 5.4."""
+    rows = study("dp_tbd_curves").query("method == 'weighted'")
+    rows = rows.assign(method=rows["scene"], scene="any")  # steady and fading are compared
+    assert ahead(dp_tbd_curves.lead(rows, "fading", "any", omega, "steady", "fading"))
+
+
+@pytest.mark.parametrize("name", ["weighted", "price 1"])
+def test_in_the_strong_turn_nothing_is_saved_on_a_fading_target(name):
+    """Section 5.4."""
+    rows = study("dp_tbd_curves").query("study == 'fading' and scene == 'fading' and x == 0.4")
+    rows = rows[(rows["method"] == name) & (rows["seed"] != dp_tbd_curves.SEEDS[0])]
+    assert len(rows) == 5
+    assert ahead((-rows["y"].mean(), np.sqrt((rows["se"] ** 2).sum()) / 5))
+
+
 def test_limits_stand_where_the_text_says():
     """Appendix F."""
     table = pd.read_csv(paths.products() / "dp_tbd" / "limits.csv").set_index("condition")
