@@ -873,7 +873,7 @@ def test_the_ratios_of_all_cells_are_those_of_the_plain_loop():
 
 
 def test_a_newborn_target_moves_on_the_grid_as_it_is_told():
-    """The mean square of the steps in range: of the velocity, and of a uniform place in the cell."""
+    """The mean square of the steps in range: of the velocity, and of a place in the cell."""
     p = page.Filter()
     steps = mda_tbd_methods.walk(p).sum(axis=1)
     square = steps @ np.arange(-4, 5) ** 2
