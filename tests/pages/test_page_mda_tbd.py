@@ -858,6 +858,18 @@ def test_the_offline_study_flew_the_scenes_of_the_page():
         assert flown == pytest.approx(shown.loc["proposed, 6 dB", key], rel=1e-3)
 
 
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_cell_contradicts_the_prior_in_units_of_the_noise(share):
+    p = page.scenario(**OWN, noise=40.0, N=20, B=10, source="state", P_max=5.0)
+    z = 40.0 * rng(92).standard_exponential((3, 24, 14))
+    z[1, 5, 5] = share * 40.0 * (1.0 + 5.0) * (12.0 + math.log(24 * 14))
+    if share < 1.0:
+        page.step(page.start(p, rng(93)), z[1], p, rng(93))
+        return
+    with pytest.raises(ValueError, match="contradicts P_max"):
+        page.step(page.start(p, rng(93)), z[1], p, rng(93))
+
+
 def test_the_ratios_of_all_cells_are_those_of_the_plain_loop():
     """By Fourier transform, against equation (17) in the middle of cells, at the edges too."""
     p = page.Filter(source="averaged")
