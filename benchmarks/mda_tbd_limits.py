@@ -20,7 +20,7 @@ from tbdcore.kernels import mda_tbd
 from tbdcore.repro import paths, products, trials
 
 page = tbdcore.page("mda_tbd")
-SEED, RUNS, FRAMES, LAST, CUT = 20, 12, 100, 50, 200.0
+SEED, RUNS, FRAMES, LAST, CUT = 20, 8, 100, 50, 200.0
 LEVEL_DB, WIDER, NU, CORRELATION, GAPS, SIZE = 1.5, 2.0, 3.0, 0.5, 0.5, 25
 SCENE = page.Scene(scans=FRAMES, leaves=FRAMES + 1, noise=1.0)
 TOLD = page.Filter(source="averaged", births="power", noise=1.0)
