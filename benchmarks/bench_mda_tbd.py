@@ -59,7 +59,7 @@ def read_and_divide(z, rho, alpha, spread):
 def whole_trial(page, p):
     """Frames, filter and history of one trial."""
     rng = np.random.default_rng(2)
-    return page.recursion(page.simulate(p, rng, rng), p, rng)
+    return page.recursion(page.simulate(page.Scene(), rng, rng), p, rng)
 
 
 def rows():
@@ -107,8 +107,8 @@ def rows():
     yield Row("particles.inherit", "8 frames, 6000 of 8000 particles", moved, moved_spec)
     page = tbdcore.page("mda_tbd")
     for name, p in {
-        "proposed": page.Scenario(),
-        "mainstream": page.Scenario(source="state"),
+        "proposed": page.Filter(),
+        "mainstream": page.Filter(source="state"),
     }.items():
         fast = best(whole_trial, page, p, repeat=3)
         with mock.patch.object(mda_tbd, "power_log_ratio", numpy_log_ratio):

@@ -14,8 +14,6 @@ that 1 % of the filter's frames without a target exceed, and the gain over the p
 ``data/mda_filters_paths.csv`` has a line per trial of Section 5.4: in how many late declared frames
 the ancestors of all survivors were looked up, which share of the target's power their cells hold,
 which was read there, and which was put out in these frames and in all.
-``data/mda_filters_starts.csv`` has the detection frame of three rows under each cause that Appendix
-D.4 tries, and the frames that it gains, paired, with errors from resampled trials.
 
 A file that is there is not made again; all of them take half an hour on two cores.  The number of
 processes may follow the command.
@@ -41,10 +39,10 @@ HEAD = f"# python -m benchmarks.mda_filters: seed {SEED}, the scenes of the page
 
 
 def measured(page):
-    """Scenarios of the table of measures, by (filter, dB); those of one power begin with the
+    """Filters of the table of measures, by (filter, dB); those of one power begin with the
     default filter.
     """
-    base, nine = page.Scenario(), page.Scenario(R=9.0)
+    base, nine = page.Filter(), page.Filter(R=9.0)
     found = {("proposed, own-cell", 6): base}
     for half_r, half_a in ((1, 3), (2, 6), (3, 9)):
         name = f"mainstream, wide PSF, patch {2 * half_r + 1} x {2 * half_a + 1}"
@@ -61,12 +59,12 @@ def flown(cases, seed, i):
     """Existence, OSPA and intensity (cases, 3, K) on a scene of the page."""
     page, found = tbdcore.page("mda_tbd"), []
     draws = partial(trials.generator, seed, "mda_tbd", "scenes", i)
-    rng, p0 = draws("noise"), cases[0]
-    empty = mda_tbd.noise_power((p0.scans, *p0.grid[4:]), rng)
-    scenes = {R: page.simulate(replace(p0, R=R), draws("truth"), deepcopy(rng), empty)
+    rng, base = draws("noise"), page.Scene()
+    empty = mda_tbd.noise_power((base.scans, *base.grid[4:]), rng)
+    scenes = {R: page.simulate(replace(base, R=R), draws("truth"), deepcopy(rng), empty)
               for R in sorted({p.R for p in cases})}  # fmt: skip
     for p in cases:
-        track, path = page.recursion(scenes[p.R], p, draws("filter")), page.target(p)
+        track, path = page.recursion(scenes[p.R], p, draws("filter")), page.target(base)
         ospa = mda_tbd.ospa_bernoulli(track.x[:, ::2], track.existence, path[:, ::2], CUT)
         found.append((track.existence, ospa, track.P))
     return np.array(found)
@@ -79,17 +77,19 @@ def error(values):
 
 def of_measures(workers):
     """The table of measures."""
-    cases = measured(tbdcore.page("mda_tbd"))
+    page = tbdcore.page("mda_tbd")
+    cases = measured(page)
     options = {"seed": SEED, "workers": workers, "label": "measures"}
     every = trials.run(partial(flown, list(cases.values())), N, **options)
     rng, default, lines = trials.generator(SEED, "mda_tbd", "map", N, "filter"), {}, []
     for ((name, R), p), (existence, ospa, P) in zip(
         cases.items(), np.moveaxis(every, 0, 2), strict=True
     ):
-        alive = slice(p.appears - 1, None)
+        scene = page.Scene(R=p.R)
+        alive = slice(scene.appears - 1, None)
         metres, late = ospa[:, alive].mean(axis=1), (existence[:, LATE] > 0.5).mean(axis=1)
         more = metres - default.setdefault(R, metres)
-        values = mda_map.measures(p, existence, ospa, P, rng)
+        values = mda_map.measures(scene, existence, ospa, P, rng)
         values += [late.mean(), error(late), more.mean(), error(more)]
         lines.append([name, R, N, *(float(f"{value:.4g}") for value in values)])
     names = [*mda_map.NAMES, "late", "late_se", "more_ospa", "more_ospa_se"]
@@ -98,7 +98,7 @@ def of_measures(workers):
 
 def plain(page):
     """Filters of Section 5.5 by name."""
-    base = page.Scenario()
+    base = page.Filter()
     sources = {"proposed": "history", "averaged": "averaged", "mainstream": "state"}
     sources |= {"told right": "known"}
     cases = {name: replace(base, source=source) for name, source in sources.items()}
@@ -115,7 +115,7 @@ def plain(page):
 def plain_trial(name, powers, seed, i):
     """Existence, distance, and existence without a target (powers, 3, K) of a filter."""
     page, found = tbdcore.page("mda_tbd"), []
-    p, base = plain(page)[name], page.Scenario()
+    p, base = plain(page)[name], page.Scene()
     draws = partial(trials.generator, seed, "mda_tbd")
     shape, hiss = (base.scans, *base.grid[4:]), draws("scenes", i, "noise")
     noise = mda_tbd.noise_power(shape, hiss)
@@ -137,7 +137,7 @@ def plain_measures(name, powers, workers):
     n = FEW if "amplitude" in name else N
     options = {"seed": SEED, "workers": workers, "label": name}
     found = trials.run(partial(plain_trial, name, powers), n, **options)
-    alive = slice(tbdcore.page("mda_tbd").Scenario().appears - 1, None)
+    alive = slice(tbdcore.page("mda_tbd").Scene().appears - 1, None)
     for existence, away, quiet in np.moveaxis(found[..., alive], 0, 2):
         ospa = [
             np.where(existence > level, np.minimum(away, CUT), CUT).mean(axis=1)
@@ -171,9 +171,9 @@ def of_plain(workers):
 
 
 def looked_up(page):
-    """Scenarios of Section 5.4 by their data."""
-    cases = {f"{R} dB": page.Scenario(R=float(R)) for R in (6, 9, 12)}
-    return cases | {"6 dB, independent cells": page.Scenario(common=False)}
+    """Scenes of Section 5.4 by their data."""
+    cases = {f"{R} dB": page.Scene(R=float(R)) for R in (6, 9, 12)}
+    return cases | {"6 dB, independent cells": page.Scene(common=False)}
 
 
 def cells_read(H, scan, p):
@@ -196,11 +196,12 @@ def share_seen(H, k, data, spot, p):
     return total / max(number, 1)
 
 
-def paths_trial(p, seed, i):
+def paths_trial(scene, seed, i):
     """Number of frames, and shares: of the cells read, of the samples, put out then, put out."""
     page, draws = tbdcore.page("mda_tbd"), partial(trials.generator, seed, "mda_tbd", "scenes", i)
-    data, own = page.simulate(p, draws("truth"), draws("noise")), draws("filter")
-    spot = mda_tbd.polar_cells(*page.target(p)[:, ::2].T, p.grid)
+    data, own = page.simulate(scene, draws("truth"), draws("noise")), draws("filter")
+    spot = mda_tbd.polar_cells(*page.target(scene)[:, ::2].T, scene.grid)
+    p = page.Filter(R=scene.R)
     state, found, P = page.start(p, own), [], []
     for k, scan in enumerate(data):
         state, estimate = page.update(state, scan / p.noise, p, own)
@@ -210,63 +211,18 @@ def paths_trial(p, seed, i):
             seen = share_seen(H, k, data, spot, p)
             found.append((seen, H.mean() * p.noise / p.P_tar, estimate.P / p.P_tar))
     shares = np.mean(found, axis=0) if found else np.zeros(3)
-    return np.array([len(found), *shares, np.mean(P[p.appears - 1 :]) / p.P_tar])
+    return np.array([len(found), *shares, np.mean(P[scene.appears - 1 :]) / p.P_tar])
 
 
 def of_paths(workers):
     """The lines of Section 5.4."""
     lines, options = [], {"seed": SEED, "workers": workers, "label": "paths"}
-    for name, p in looked_up(tbdcore.page("mda_tbd")).items():
-        for i, (n, *shares) in enumerate(trials.run(partial(paths_trial, p), N, **options)):
+    for name, scene in looked_up(tbdcore.page("mda_tbd")).items():
+        for i, (n, *shares) in enumerate(trials.run(partial(paths_trial, scene), N, **options)):
             lines.append([name, i, int(n), *(float(f"{share:.6g}") for share in shares)])
     return pd.DataFrame(
         lines, columns=["data", "trial", "frames", "cells", "samples", "late", "all"]
     )
-
-
-def causes(page):
-    """Scenarios of Appendix D.4 by (row, cause), and the causes."""
-    base = page.Scenario()
-    changes = {"as flown": {}, "birth speed 3.2 m/s": {"birth_speed": 3.2}}
-    changes |= {"births by power": {"births": "power"}, "four times the births": {"B": 4 * base.B}}
-    changes |= {"independent cells": {"common": False}, "other scenes": {}}
-    rows = {"t2.4": base, "t4.2": replace(base, R=9.0), "t6.4": replace(base, R=9.0, R_T=4.0)}
-    return {(id, how): replace(p, **changes[how]) for id, p in rows.items() for how in changes}
-
-
-def starts_trial(seed, i):
-    """Existence in the first 60 frames (cases, 60) under each cause."""
-    page, found, noises = tbdcore.page("mda_tbd"), [], {}
-    for (_, how), p in causes(page).items():
-        j = 10_000 + i if how == "other scenes" else i
-        draws = partial(trials.generator, seed, "mda_tbd", "scenes", j)
-        if j not in noises:
-            rng = draws("noise")
-            noises[j] = mda_tbd.noise_power((p.scans, *p.grid[4:]), rng), rng
-        z = page.simulate(p, draws("truth"), deepcopy(noises[j][1]), noises[j][0])
-        found.append(page.recursion(z[:60], p, draws("filter")).existence)
-    return np.array(found)
-
-
-def of_starts(workers):
-    """The lines of Appendix D.4."""
-    page, first = tbdcore.page("mda_tbd"), first_above
-    found = trials.run(starts_trial, N, seed=SEED, workers=workers, label="starts")
-    rng, lines, flown_as = trials.generator(SEED, "mda_tbd", "bootstrap", 0, "filter"), [], {}
-    again = rng.multinomial(N, np.full(N, 1 / N), size=400)
-    for (id, how), existence in zip(causes(page), np.moveaxis(found, 1, 0), strict=True):
-        frame, frames = first(existence.mean(axis=0)[None])[0], first(again @ existence / N)
-        as_flown, each = flown_as.setdefault(id, (frame, frames))
-        gain = as_flown - frame, (each - frames).std()
-        lines.append([id, how, N, frame, frames.std(), *gain])
-    table = pd.DataFrame(lines, columns=["row", "cause", "n", "frame", "se", "gain", "gain_se"])
-    return table.round({"se": 4, "gain_se": 4})
-
-
-def first_above(curves, appears=15):
-    """First frame in which a curve (m, K) exceeds one half; K + 1 if none does."""
-    above = curves[:, appears - 1 :] > 0.5
-    return np.where(above.any(axis=1), above.argmax(axis=1) + appears, curves.shape[1] + 1)
 
 
 def write(end, table):
@@ -278,7 +234,7 @@ def write(end, table):
 def main():
     """Fly what the files lack."""
     workers, folder = int((sys.argv[1:] or [0])[0]), paths.claims().parent
-    made = {"starts": of_starts, "paths": of_paths, "": of_measures, "plain": of_plain}
+    made = {"paths": of_paths, "": of_measures, "plain": of_plain}
     for end, make in made.items():
         if not (folder / f"mda_filters{end and '_'}{end}.csv").is_file():
             write(end, make(workers))

@@ -42,8 +42,8 @@ def mm_pf_tbd(seed, i):
 def mda_tbd(seed, i):
     """Existence, state, intensity, effective size and founders over the frames."""
     page, (truth, noise, choice) = tbdcore.page("mda_tbd"), streams("mda_tbd", seed, i)
-    p = page.Scenario(N=400, B=200, scans=60)
-    return numbers(page.run(page.simulate(p, truth, noise), p, choice))
+    z = page.simulate(page.Scene(scans=60), truth, noise)
+    return numbers(page.run(z, page.Filter(N=400, B=200), choice))
 
 
 def track_cfar(seed, i):

@@ -837,6 +837,12 @@ def test_a_bad_reading_is_named_by_file_row_and_column(tmp_path, lines, named):
     assert (named if " " in named else f"column {named}") in str(caught.value)
 
 
+def test_the_claim_that_is_nearest_to_the_first_lost_one_is_named(tmp_path):
+    folder = with_readings(tmp_path, WEIGHTS.replace("a.num", "a.nun; order of a.order"))
+    with pytest.raises(ValueError, match=r"no claim is .*; the nearest is 'a\.num'"):
+        Ledger("toy", True, folder)
+
+
 @pytest.mark.parametrize("paper", claims.papers())
 def test_the_committed_readings_can_be_read(paper):
     assert {reading.chapter for reading in claims.readings(paper).values()} <= {paper}

@@ -55,6 +55,11 @@ def published(folder):
     return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+def test_a_figure_without_a_size_is_as_wide_as_matplotlib_makes_it():
+    fig, _ = figures.Portfolio.new()
+    assert fig.get_size_inches().tolist() == [matplotlib.rcParamsDefault["figure.figsize"][0], 3.6]
+
+
 def test_the_same_figure_has_the_same_bytes(tmp_path):
     runs = [Publication("toy", tmp_path, PROVENANCE) for _ in range(2)]
     for run in runs:

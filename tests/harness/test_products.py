@@ -135,6 +135,12 @@ def test_a_header_wider_than_its_column_is_broken(header, column, head):
     assert text.splitlines()[2] == rf"{head} \\"
 
 
+@pytest.mark.parametrize(("letters", "form"), [(34, "{l}"), (35, "{p{13em}}")])
+def test_a_column_of_more_than_34_letters_is_broken(letters, form):
+    frame = pd.DataFrame({"text": [("words " * 6)[: letters - 1] + "x"]})
+    assert products.latex(frame).startswith(rf"\begin{{tabular}}{form}")
+
+
 def test_letters_that_pdftex_cannot_set_become_mathematics():
     assert products.tex("λ ≤ 2 & $λ$") == r"\ensuremath{\lambda} \ensuremath{\le} 2 \& $λ$"
 

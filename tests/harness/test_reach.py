@@ -8,7 +8,7 @@ import types
 import cloudpickle
 import pytest
 
-from tbdcore.repro import paths, reach
+from tbdcore.repro import pages, paths, reach
 
 INIT = """
 def __getattr__(name):
@@ -184,6 +184,14 @@ def test_the_sources_of_a_pickled_trial(package, old, new, counts):
     assert reach.at_worker(*asked) == before  # as the process first read it
     reach._kept.cache_clear()
     assert (reach.at_worker(*asked) != before) == counts
+
+
+def test_the_names_of_code_are_also_those_of_the_pages_that_it_uses():
+    algorithm = "\n\n\n".join(pages.cells("track_cfar", "algorithm"))
+    own, through = reach.names(algorithm), reach.names('tbdcore.page("track_cfar")')
+    assert {module: names for module, names in own.items() if "kernels" in module}
+    assert all(own[module] <= through[module] for module in own if module)
+    assert "tbdcore.kernels.track_cfar" not in reach.names("import tbdcore")
 
 
 def test_nothing_is_below_a_page(monkeypatch):

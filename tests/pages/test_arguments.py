@@ -84,7 +84,8 @@ CLASSES = [
     (MM.Scenario, {}),
     (MM.Scene, {}),
     (MM.Prior, {}),
-    (MDA.Scenario, {}),
+    (MDA.Scene, {}),
+    (MDA.Filter, {}),
     (CFAR.Scenario, {}),
     (AI.Scenario, {}),
     (AI.Setup, {field.name: getattr(SETUP, field.name) for field in dataclasses.fields(SETUP)}),
@@ -198,8 +199,6 @@ CASES = [
     for argument in inspect.signature(function).parameters
     for kind in kinds(function, argument)
 ]
-OPEN = {(MDA.start, "p"), (MDA.start, "rng")}
-unchecked = pytest.mark.xfail(strict=True, reason="03 checks p and rng in step and run only")
 
 
 def name_of(function):
@@ -223,7 +222,7 @@ def begins(text, name):
 
 @pytest.mark.parametrize(
     ("function", "argument", "kind"),
-    [pytest.param(*it, marks=[unchecked] * (it[:2] in OPEN)) for it in CASES],
+    CASES,
     ids=[f"{name_of(f)}-{a}-{k}" for f, a, k in CASES],
 )
 def test_a_bad_argument_is_refused_by_its_name(function, argument, kind):
@@ -266,7 +265,8 @@ def bad_values(field, value):
     ]
     whole = [True, 2.5] if isinstance(value, int) and field.type in (int, "int") else []
     several = [] if "ndarray" in str(field.type) else [[value]]
-    return ["20", math.nan, 1j, *several, *beyond, *whole]
+    nothing = [] if field.default is None else [None]
+    return ["20", math.nan, 1j, *nothing, *several, *beyond, *whole]
 
 
 FIELDS = [
@@ -313,6 +313,7 @@ def told(**change):
 
 CHAIN = (0.9, 0.05, 0.05), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8)
 SWAP = [0, 2, 1, 3]  # x, y, vx, vy
+NO_NUMBER = math.nan, "five", None, [1.0, 2.0, 3.0]
 SPECIAL = {
     DP.run: [
         ({"frames": DP_Z[:4]}, "frames"),
@@ -385,6 +386,8 @@ SPECIAL = {
             {"S": MM_STATE.S[:, :4]},
             {"S": MM_STATE.S * np.nan},
             {"S": MM_STATE.S + 1e4},
+            {"S": MM_STATE.S + [1e4, 0, 0, 0, 0]},  # far in x alone
+            {"S": MM_STATE.S + [0, 0, 1e4, 0, 0]},
             {"absence": (1.5,)},
             {"absence": 0.9},
             {"s": np.zeros(4)},
@@ -434,13 +437,14 @@ SPECIAL = {
         ({"frames": spoiled(MDA_Z, 1e5), "p": replace(MDA_P, source="state")}, "frames"),
         ({"frames": spoiled(MDA_Z, np.nan), "p": replace(MDA_P, likelihood="coherent")}, "frames"),
         ({"T": [1.0, 1.0, np.nan, 1.0, 1.0]}, "T"),
+        ({"frames": [*MDA_Z, *MDA_Z], "T": np.arange(1.0, 11.0)}, "T"),
         ({"p": replace(MDA_P, N=31), "state": MDA_STATE}, "state"),
     ],
     MDA.step: [
         ({"frame": 10 * np.log10(MDA_Z[0])}, "frame"),
         ({"frame": MDA_Z[0] / 40.0}, "frame"),
         ({"frame": np.zeros((24, 14))}, "frame"),
-        ({"p": MDA.Scenario(N=30, B=20, scans=20)}, "frame"),
+        ({"p": MDA.Filter(N=30, B=20)}, "frame"),
         ({"p": replace(MDA_P, window=5)}, "state"),
         *(
             ({"state": MDA_STATE._replace(**change)}, "state")
@@ -456,20 +460,30 @@ SPECIAL = {
         ),
     ],
     MDA.scenario: [
+        *((GRID | {name: bad}, name) for name in (*GRID, "noise") for bad in NO_NUMBER),
         (GRID | {"birth_sped": 3.0}, "scenario"),
         (GRID | {"source": "known"}, "scenario"),
         (GRID | {"sd_r": 0.0}, "sd_r"),
-        (GRID | {"da": None}, "da"),
         (GRID | {"nr": 24.5}, "nr"),
         (GRID | {"a_min": "north"}, "a_min"),
-        (GRID | {"noise": "40"}, "noise"),
         (GRID | {"da": 1.0}, "azimuth"),
-        (GRID | {"sd_r": 0.1, "sd_a": 0.1}, "scenario"),
+        (GRID | {"sd_r": 0.1, "sd_a": 0.1}, "Filter"),
+        (GRID | {"r_max": 900.0}, "scenario"),
+        (GRID | {"scans": 9}, "scenario"),
     ],
-    MDA.Scenario: [
+    MDA.target: [({"scene": None}, "scene"), ({"scene": MDA_P}, "scene")],
+    MDA.simulate: [
+        ({"scene": MDA_P, "truth": rng(), "noise": rng()}, "scene"),
+        ({"scene": MDA.Scene(), "truth": rng(), "noise": None}, "noise"),
+        ({"scene": MDA.Scene(), "truth": 7, "noise": rng()}, "truth"),
+    ],
+    MDA.Scene: [({"appears": 20, "leaves": 19}, "leaves"), ({"dr": 3.0}, "range")],
+    MDA.Filter: [
         ({"a_max": 46.0, "da": 0.1, "a_min": 45.0}, "azimuth"),
-        ({"L_r": 36.0, "L_a": 14600.0}, "scenario"),
+        ({"L_r": 36.0, "L_a": 14600.0}, "Filter"),
         ({"dr": 3.0}, "range"),
+        ({"N": 10**8, "B": 10**8}, "N"),
+        ({"window": 10**7}, "N"),
     ],
     CFAR.run: [
         ({"scans": np.zeros((5, 3))}, "scans"),
@@ -519,6 +533,7 @@ SPECIAL = {
     CFAR.step: [({"scan": [[20.0, 0.4, 5.0]]}, "scan")],
     CFAR.Scenario: [({"bandwidth": 5e6}, "bandwidth"), ({"track_pfa": 1.0}, "track_pfa")],
     AI.Setup: [
+        *(({name: bad}, name) for name in "xPFQ" for bad in NO_NUMBER),
         *(({"P": bad}, "P") for bad in (np.zeros((4, 4)), np.eye(4) + np.eye(4, k=1), np.eye(2))),
         ({"P": [np.eye(4), -np.eye(4)]}, "P"),
         ({"Q": -np.eye(4)}, "Q"),

@@ -15,15 +15,21 @@ from tbdcore.recording import misfit
 from tbdcore.repro import pages, paths, studies, trials
 
 page = tbdcore.page("mda_tbd")
-SMALL = page.Scenario(N=300, B=100, scans=40)
+SMALL = page.Filter(N=300, B=100)
+SHORT = {"scans": 40}
 
 
 def rng(*key):
     return np.random.default_rng([3, *key])
 
 
-def scene(p, i=0):
-    return page.simulate(p, rng(i, 0), rng(i, 1))
+def world(p, **flight):
+    """The scene that a filter is told, with the flight of a target; forty frames."""
+    return page.scene_of(p, **(SHORT | flight))
+
+
+def scene(p, i=0, **flight):
+    return page.simulate(world(p, **flight), rng(i, 0), rng(i, 1))
 
 
 @pytest.mark.parametrize("source", ["history", "state", "known"])
@@ -61,22 +67,14 @@ def test_without_intensity_existence_is_the_markov_chain(p0, sign):
     """p_k = (1 -+ 0.98**k) / 2 when p_s = 1 - p_b and no particle leaves: a threshold that nothing
     passes, particles that stand.
     """
-    p = replace(SMALL, R_T=20.0, accel=0.0, birth_speed=0.0, p_initial=p0, appears=41)
-    existence = page.run(scene(p), p, rng(5)).existence
+    p = replace(SMALL, R_T=20.0, accel=0.0, birth_speed=0.0, p_initial=p0)
+    existence = page.run(scene(p, appears=41), p, rng(5)).existence
     assert existence == pytest.approx(0.5 * (1 + sign * 0.98 ** np.arange(1, 41)), rel=1e-9)
 
 
-AREA = {
-    "r_max": 11_024.0,
-    "a_max": math.radians(49),
-    "vx": 0.0,
-    "vy": 0.0,
-    "appears": 1,
-    "scans": 5,
-    "accel": 0.0,
-    "birth_speed": 0.0,
-}
-CORNER = page.Scenario(**AREA, x0=7650.0, y0=7930.0, source="known", N=20_000, B=20_000, R=-3.0)
+AREA = {"r_max": 11_024.0, "a_max": math.radians(49), "accel": 0.0, "birth_speed": 0.0}
+CORNER = page.Filter(**AREA, source="known", N=20_000, B=20_000, R=-3.0)
+STILL = {"vx": 0.0, "vy": 0.0, "appears": 1, "scans": 5, "x0": 7650.0, "y0": 7930.0}
 
 
 def lattice_filter(z, p, n=16):
@@ -105,7 +103,7 @@ def test_filter_equals_the_exact_lattice_filter():
     """Existence and mean position of a standing target over five frames, averaged over filter
     seeds.
     """
-    z = scene(CORNER, 7)
+    z = scene(CORNER, 7, **STILL)
     exact = lattice_filter(z, CORNER)
     tracks = [page.run(z, CORNER, rng(8, i)) for i in range(12)]
     existence = np.array([track.existence for track in tracks])
@@ -122,7 +120,7 @@ def test_one_frame_evidence_equals_the_integral():
     """The mean likelihood ratio of the births is the integral over the area, whose grid sum has
     converged.
     """
-    z = scene(CORNER, 9)[:1]
+    z = scene(CORNER, 9, **STILL)[:1]
     exact, finer = lattice_filter(z, CORNER)[0, 0], lattice_filter(z, CORNER, 24)[0, 0]
     assert finer == pytest.approx(exact, rel=1e-3)
     found = [page.run(z, CORNER, rng(10, i)).existence[0] for i in range(12)]
@@ -142,13 +140,14 @@ def test_own_cell_with_a_window_of_one_is_the_power_above_the_noise():
 @pytest.mark.parametrize("reading", list(page.READINGS))
 def test_readings_agree_where_they_must(reading):
     """Identical samples, all above the threshold, and a full window: every reading returns the
-    sample.
+    sample, and the letter all of the noise but an eighth more.
     """
     p = replace(SMALL, reading=reading)
     H = np.full((8, 1 + (reading == "least-squares"), 5), 3.0)
     if reading == "least-squares":
         H[:, 1] = 1.0
-    assert page.accumulate(H, np.full(5, 8), 20, p) == pytest.approx(3.0)
+    left = 7 / 8 if reading == "letter" else 0.0
+    assert page.accumulate(H, np.full(5, 8), 20, p) == pytest.approx(3.0 + left)
 
 
 def test_young_particles_by_reading():
@@ -160,9 +159,10 @@ def test_young_particles_by_reading():
     values = {
         name: page.accumulate(H, np.array([2]), 20, replace(SMALL, reading=name))[0]
         for name in page.READINGS
-        if name[0] != "l"
+        if name != "least-squares"
     }
-    assert values == {"own-cell": 2.0, "available": 8.0, "strict": 0.0, "per-sample": 8.0}
+    expected = {"own-cell": 2.0, "available": 8.0, "strict": 0.0, "per-sample": 8.0}
+    assert values == expected | {"letter": (13.0 + 5.0 - 1.0) / 8}
     assert page.accumulate(H, np.array([2]), 6, SMALL)[0] == 0.0
 
 
@@ -188,13 +188,13 @@ def test_wrong_spread_shifts_the_intensity_the_right_way():
     """Least squares at the true place: wide below the truth, narrow above it, 2 c / (1 + c) in the
     continuum.
     """
-    p = page.Scenario(common=False, R=12.0)
-    z, x = scene(p), page.target(p)[20:120]
+    p, long = page.Filter(R=12.0), {"scans": 200, "common": False}
+    z, x = scene(p, **long), page.target(world(p, **long))[20:120]
     place = mda_tbd.polar_cells(x[:, 0], x[:, 2], p.grid)
     for sharp, half, expected in ((0.1, (8, 20), 0.182), (1.0, (2, 6), 1.0), (10.0, (1, 3), 1.82)):
         q = replace(p, sharp=sharp, half_r=half[0], half_a=half[1])
         fit = sum(
-            mda_tbd.patch_fit(z[20 + k] / p.noise, *(axis[k : k + 1] for axis in place), q.assumed)[
+            mda_tbd.patch_fit(z[20 + k] / p.noise, *(axis[k : k + 1] for axis in place), q.psf)[
                 :, 0
             ]
             for k in range(100)
@@ -243,8 +243,8 @@ def test_births_by_power_fall_into_the_one_cell_above_four_noise_powers():
     ],
 )
 def test_variants_run_and_stay_probabilities(options):
-    p = replace(SMALL, scans=20, half_r=1, half_a=4, **options)
-    track = page.run(scene(p), p, rng(19))
+    p = replace(SMALL, half_r=1, half_a=4, **options)
+    track = page.run(scene(p, scans=20), p, rng(19))
     assert ((track.existence >= 0) & (track.existence <= 1)).all()
     assert track.ess.max() <= p.N + p.B
 
@@ -260,6 +260,7 @@ def own_mean(samples, p, k):
     psi = {
         "own-cell": sum(values) / W,
         "available": sum(values) / max(1, min(age, W)),
+        "letter": (sum(value + 1.0 for value in values) - 1.0) / W,
         "strict": sum(values) / W if age >= W else 0.0,
         "per-sample": sum(passing) / max(1, len(passing)),
         "least-squares": sum(values) / max(sum(weight for _, weight in last), 1e-300),
@@ -278,7 +279,7 @@ def plain_births(p, rng):
 def reads(z, rho, alpha, p):
     """(numerator, denominator) of every particle in one frame, in noise powers."""
     if p.reading == "least-squares":
-        return list(zip(*mda_tbd.patch_fit_spec(z, rho, alpha, p.assumed), strict=True))
+        return list(zip(*mda_tbd.patch_fit_spec(z, rho, alpha, p.psf), strict=True))
     i, j = (np.floor(np.nan_to_num(c, nan=-9.0) + 0.5).astype(int) - 1 for c in (rho, alpha))
     inside = (i >= 0) & (i < z.shape[0]) & (j >= 0) & (j < z.shape[1])
     return [(z[a, b] - 1.0 if on else -1.0, 1.0) for a, b, on in zip(i, j, inside, strict=True)]
@@ -308,7 +309,7 @@ def plain_run(z, p, rng):
         ahead = p.p_birth * (1 - exists) + p.p_survive * exists
         prior = p.p_survive * exists / p.N, p.p_birth * (1 - exists) / p.B
         w = np.repeat(prior, (p.N, p.B))
-        w = w * np.exp(mda_tbd.power_log_ratio_spec(frame, rho, alpha, snr, p.assumed))
+        w = w * np.exp(mda_tbd.power_log_ratio_spec(frame, rho, alpha, snr, p.psf))
         exists = w.sum() / (1 - ahead + w.sum())
         W = w / w.sum()
         evidence = math.log(1 - ahead + w.sum())
@@ -335,8 +336,8 @@ TARGET = {"x0": 850.0, "y0": 90.0, "vx": 4.0, "vy": 2.0, "appears": 4, "leaves":
 @pytest.mark.parametrize("R_T", [0.0, 3.0])
 def test_the_filter_equals_one_of_lists_and_plain_sums(options, R_T):
     """Another program, the same draws: histories as lists, weights without logarithms."""
-    p = page.scenario(**OWN, **SETTINGS, **TARGET, R=10.0, R_T=R_T, p_initial=0.2, **options)
-    z = scene(p, 31)
+    p = page.scenario(**OWN, **SETTINGS, R=10.0, R_T=R_T, p_initial=0.2, **options)
+    z = scene(p, 31, **TARGET)
     track = page.run(z, p, rng(32))
     found = np.column_stack([track.existence, track.x, track.P, track.ess, track.log_evidence])
     assert found == pytest.approx(plain_run(z, p, rng(32)), rel=1e-6, abs=1e-6)
@@ -344,12 +345,12 @@ def test_the_filter_equals_one_of_lists_and_plain_sums(options, R_T):
 
 
 def test_founders_count_the_births_that_are_left():
-    p = page.scenario(**OWN, **SETTINGS, **TARGET, R=14.0)
-    track = page.run(scene(p, 33), p, rng(34))
+    p = page.scenario(**OWN, **SETTINGS, R=14.0)
+    track = page.run(scene(p, 33, **TARGET), p, rng(34))
     assert track.founders[0] <= p.N
     assert (track.founders >= 1).all()
     assert track.founders.min() < 10
-    silent = page.run(scene(p, 33)[:3], replace(p, window=1, R_T=20.0), rng(34))
+    silent = page.run(scene(p, 33, **TARGET)[:3], replace(p, window=1, R_T=20.0), rng(34))
     assert silent.founders[0] > 0.6 * p.B  # the first survivors weigh nothing: births take over
 
 
@@ -370,10 +371,10 @@ def test_births_are_uniform_in_their_cells_and_velocities():
 
 def test_an_own_cell_average_at_the_true_place_is_low_by_the_straddle_floor():
     """Over a path that meets all parts of its cells; in noise powers, with four standard errors."""
-    p = page.Scenario()
+    p = page.Filter()
     kept = []
     for i in range(2):
-        z, x = scene(p, 40 + i), page.target(p)
+        z, x = scene(p, 40 + i, scans=200), page.target(world(p, scans=200))
         i_, j_ = (np.floor(c + 0.5) for c in mda_tbd.polar_cells(x[14:, 0], x[14:, 2], p.grid))
         kept.append(z[np.arange(14, 200), i_.astype(int) - 1, j_.astype(int) - 1] - p.noise)
     u = (np.arange(4000) + 0.5) / 4000 - 0.5
@@ -388,7 +389,7 @@ def test_what_a_scan_is_worth_in_closed_form():
     """E[ln g] = F (ln(1+s) + Li2(-s) + a (s - ln(1+s))) for a particle on the target."""
     from scipy.special import spence
 
-    p = replace(page.Scenario(), half_r=6, half_a=15)
+    p = replace(page.Filter(), half_r=6, half_a=15)
     places = [250 + n / 8 for n in range(8)]
     h2 = np.array([mda_tbd.spread_power(rho, 45.6, p.psf, p.grid[4:]) for rho in places])
     s, F = p.P_tar / p.noise, mda_tbd.spread_area(p.psf)
@@ -399,7 +400,7 @@ def test_what_a_scan_is_worth_in_closed_form():
 
 
 def test_target_path_and_its_absence():
-    p = replace(SMALL, appears=5, leaves=9, T=2.0, scans=12)
+    p = page.Scene(appears=5, leaves=9, T=2.0, scans=12)
     x = page.target(p)
     assert np.isnan(x[:4]).all()
     assert np.isnan(x[8:]).all()
@@ -410,13 +411,14 @@ def test_target_path_and_its_absence():
 def test_both_models_have_the_same_mean_power_and_another_correlation():
     """Mean P h**2 + sigma**2 in each cell; cells of one scan share an amplitude, or do not."""
     still = {"vx": 0.0, "vy": 0.0, "appears": 1, "leaves": 4001, "scans": 4000}
-    p = page.scenario(**(OWN | {"nr": 8, "na": 8}), x0=815.0, y0=65.0, R=8.0, noise=3.0, **still)
+    told = page.scenario(**(OWN | {"nr": 8, "na": 8}), R=8.0, noise=3.0)
+    p = page.scene_of(told, x0=815.0, y0=65.0, **still)
     rho, alpha = mda_tbd.polar_cells(*page.target(p)[:, ::2].T, p.grid)
     h2 = mda_tbd.spread_power(rho[0], alpha[0], p.psf, (8, 8))
     near = np.unravel_index(np.argsort(h2, axis=None)[-2:], h2.shape)
     links = []
     for common in (True, False):
-        z = scene(replace(p, common=common), 41)
+        z = page.simulate(replace(p, common=common), rng(41, 0), rng(41, 1))
         error = 5 * z.std(axis=0) / math.sqrt(4000) + 0.02  # what lies outside the patch
         assert (abs(z.mean(axis=0) - 3.0 * (1 + 10**0.8 * h2)) < error).all()
         links.append(np.corrcoef(z[:, near[0][0], near[1][0]], z[:, near[0][1], near[1][1]])[0, 1])
@@ -428,13 +430,60 @@ def test_averaged_ratio_replaces_that_of_particles_without_an_intensity():
     z = rng(42).standard_exponential((p.grid.nr, p.grid.na))
     rho, alpha, snr = np.array([9.2, 40.1, -5.0]), np.array([7.0, 30.4, 3.0]), np.array([0, 3.0, 0])
     each = [
-        mda_tbd.power_log_ratio_spec(z, rho, alpha, np.full(3, 10**e), p.assumed)
+        mda_tbd.power_log_ratio_spec(z, rho, alpha, np.full(3, 10**e), p.psf)
         for e in (0.0, 0.4, 0.8, 1.2)
     ]
-    known = mda_tbd.power_log_ratio_spec(z, rho, alpha, snr, p.assumed)
+    known = mda_tbd.power_log_ratio_spec(z, rho, alpha, snr, p.psf)
     with np.errstate(divide="ignore"):
         expected = [np.log(np.mean(np.exp(each), axis=0))[0], known[1], -np.inf]
-    assert page.likelihood(z, rho, alpha, snr, p) == pytest.approx(expected, rel=1e-9)
+    assert page.likelihood(z, rho, alpha, snr, p)[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_averaged_ratio_gives_the_mean_power_of_its_levels():
+    """By Bayes' rule from the four likelihoods; a given intensity stays, a frame that was not taken
+    leaves the mean of the levels.
+    """
+    p = replace(SMALL, source="averaged")
+    z = rng(42).standard_exponential((p.grid.nr, p.grid.na))
+    rho, alpha, snr = np.array([9.2, 40.1]), np.array([7.0, 30.4]), np.array([0.0, 3.0])
+    levels = 10 ** (np.array([0.0, 4.0, 8.0, 12.0]) / 10)
+    each = [mda_tbd.power_log_ratio_spec(z, rho, alpha, np.full(2, s), p.psf) for s in levels]
+    ratios = np.exp(each)[:, 0]
+    _, mean = page.likelihood(z, rho, alpha, snr, p)
+    assert mean == pytest.approx([ratios @ levels / ratios.sum(), 3.0])
+    assert page.likelihood(None, rho, alpha, snr, p)[1] == pytest.approx([levels.mean(), 3.0])
+
+
+@pytest.mark.parametrize("source", ["history", "state", "known", "averaged"])
+def test_the_power_of_a_track_is_that_of_the_target_in_every_mode(source):
+    """A steady bright echo of ten noise powers, in a unit of 40: within a factor of two."""
+    p = page.scenario(**OWN, noise=40.0, N=1500, B=500, source=source, R=10.0, births="power")
+    z = rng(43).standard_exponential((20, 24, 14))
+    h2 = mda_tbd.spread_power(12.0, 7.0, p.psf, z.shape[1:])
+    z = 40.0 * np.abs(np.sqrt(z) * np.exp(6.28j * rng(44).random(z.shape)) + np.sqrt(10 * h2)) ** 2
+    track = page.run(z, p, rng(45))
+    assert track.existence[-5:].min() > 0.9
+    assert 200.0 < np.median(track.P[-5:]) < 800.0
+
+
+@pytest.mark.parametrize("sharp", [0.1, 1.0, 10.0])
+def test_the_tuned_sum_of_a_patch_is_the_plain_one(sharp):
+    """At random places, at the edges and outside; particles that share a cell are summed together
+    by the kernel, so there are many in a few cells.
+    """
+    p = replace(page.Filter(), sharp=sharp, half_r=3, half_a=4)
+    z = rng(46).standard_exponential((60, 20)).astype(np.float32)
+    z[20, 5] = 300.0
+    rho, alpha = rng(47).uniform(-2, 64, 900), rng(48).uniform(-2, 23, 900)
+    rho[:400], alpha[:400] = rng(49).uniform(20, 23, 400), rng(40).uniform(4, 7, 400)
+    snr = rng(41).uniform(0.0, 30.0, 900)
+    snr[::7] = 0.0
+    plain = page.log_ratio(z.astype(float), rho, alpha, snr, p.psf)
+    tuned = mda_tbd.power_log_ratio(z, rho, alpha, snr, p.psf)
+    assert np.array_equal(np.isinf(plain), np.isinf(tuned))
+    on = np.isfinite(plain)
+    assert 500 < on.sum() < 900
+    assert tuned[on] == pytest.approx(plain[on], rel=1e-9, abs=1e-9)
 
 
 # Own data ------------------------------------------------------------------------------------
@@ -444,8 +493,10 @@ OWN_Z = 2.5 * rng(50).standard_exponential((12, 24, 14))
 
 def test_a_stranger_finds_a_target_in_frames_of_any_size():
     p = page.scenario(**OWN, noise=40.0, N=2000, B=1000, birth_speed=6.0)
-    sky = replace(p, scans=30, appears=9, R=14.0, x0=820.0, y0=110.0, vx=3.0, vy=-2.0)
-    track, truth = page.run(scene(sky, 51), p, rng(52)), page.target(sky)
+    flight = {"x0": 820.0, "y0": 110.0, "vx": 3.0, "vy": -2.0}
+    sky = page.scene_of(replace(p, R=14.0), scans=30, appears=9, **flight)
+    z, truth = page.simulate(sky, rng(51, 0), rng(51, 1)), page.target(sky)
+    track = page.run(z, p, rng(52))
     assert track.existence[:8].max() < 0.5 < np.median(track.existence[-10:])
     off = np.hypot(*(track.x - truth)[-10:, ::2].T)
     assert np.median(off) < 2 * p.da * 850
@@ -456,7 +507,7 @@ def test_a_grid_of_counts_is_the_grid_of_limits():
     p = page.scenario(**OWN, noise=2.0)
     limits = {"r_min": 800.0, "r_max": 896.0, "a_min": 0.0, "a_max": 0.28, "dr": 4.0, "da": 0.02}
     echo = {"L_r": 1 / 4.8**2, "L_a": 1 / 0.028**2}
-    same = page.Scenario(**limits, **echo, half_r=3, half_a=3, noise=2.0)
+    same = page.Filter(**limits, **echo, half_r=3, half_a=3, noise=2.0)
     assert p.grid == pytest.approx(same.grid)
     assert p.psf == pytest.approx(same.psf)
     assert page.scenario(**OWN, a_min=0.5).grid.a_min == 0.5
@@ -509,7 +560,7 @@ def test_a_square_grid_and_filters_without_history_take_what_fits():
 
 # Frame by frame, gaps, times ------------------------------------------------------------------
 
-FLIGHT = page.scenario(**OWN, **SETTINGS, **TARGET, R=12.0, p_initial=0.2)
+FLIGHT = page.scenario(**OWN, **SETTINGS, R=12.0, p_initial=0.2)
 CASES = [
     {"births": "power"},
     {"reading": "least-squares"},
@@ -521,7 +572,7 @@ CASES = [
 
 def recorded(p, i=60):
     """Frames in single precision with gaps, and times between them."""
-    z = list(scene(p, i).astype(np.float32))
+    z = list(scene(p, i, **TARGET).astype(np.float32))
     z[1], z[6] = None, np.full((24, 14), np.nan, np.float32)
     if p.reading != "least-squares":
         z[8][3:9, 2:5] = np.nan
@@ -573,7 +624,7 @@ def test_a_run_that_is_cut_and_saved_goes_on_bit_by_bit(options, tmp_path):
 @pytest.mark.parametrize("options", CASES)
 def test_a_step_leaves_the_state_that_it_was_given(options):
     p = replace(FLIGHT, **options)
-    z, now = scene(p, 63), page.start(p, rng(63))
+    z, now = scene(p, 63, **TARGET), page.start(p, rng(63))
     for frame in z[:4]:
         now, _ = page.step(now, frame, p, rng(64))
     one, other = (page.step(now, z[5], p, rng(65)) for _ in range(2))
@@ -585,7 +636,7 @@ def test_a_step_leaves_the_state_that_it_was_given(options):
 @pytest.mark.parametrize("options", CASES)
 def test_a_frame_that_was_not_taken_is_no_evidence(options):
     p = replace(FLIGHT, **options)
-    z = list(scene(p, 66))
+    z = list(scene(p, 66, **TARGET))
     z[10] = None
     track = page.run(z, p, rng(67))
     ahead = p.p_birth * (1 - track.existence[9]) + p.p_survive * track.existence[9]
@@ -637,7 +688,7 @@ def test_a_cell_without_a_value_has_log_ratio_0(likelihood):
         ]
         on = 0.5 <= r < 24.5 and 0.5 <= a < 14.5
         expected.append(math.log(np.mean(np.exp(sums))) if on else -math.inf)
-    found = page.likelihood(filled, rho, alpha, snr, p, unknown)
+    found, _ = page.likelihood(filled, rho, alpha, snr, p, unknown)
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
@@ -672,6 +723,16 @@ def test_frames_that_contradict_the_scenario_are_named_by_run_alone(spoil, words
     page.recursion(z, p, rng(75))  # a warning would be an error
 
 
+def test_a_track_faster_than_the_births_is_named():
+    """A target that births cannot have, followed by its accelerations; a slow one says nothing."""
+    move = {"x0": 810.0, "y0": 100.0, "vx": 2.0, "vy": 0.5, "appears": 3, "leaves": 31, "scans": 30}
+    p = page.scenario(**OWN, N=1500, B=500, R=15.0, births="power", source="known", accel=1.0)
+    z = scene(p, 77, **move)
+    page.run(z, p, rng(78))  # a warning would be an error
+    with pytest.warns(misfit.Misfit, match="birth_speed"):
+        page.run(z, replace(p, birth_speed=0.5, accel=0.5), rng(78))
+
+
 def test_the_help_begins_with_one_screen_whose_example_runs():
     screen = page.__doc__.split("\n\nFrame by frame")[0].splitlines()
     assert len(screen) <= 24
@@ -697,7 +758,7 @@ def test_the_help_says_what_a_stranger_must_know():
 
 @pytest.mark.parametrize(
     ("change", "some"),
-    [({"R_T": 20.0, "window": 40}, False), ({"window": 1, "R": 12.0, "appears": 1}, True)],
+    [({"R_T": 20.0, "window": 40}, False), ({"window": 1, "R": 12.0}, True)],
 )
 def test_outputs_of_a_run_are_tabled_even_where_there_are_none(change, some):
     p, found = replace(SMALL, **change), {}
@@ -705,7 +766,13 @@ def test_outputs_of_a_run_are_tabled_even_where_there_are_none(change, some):
         check=lambda id, holds, shown: found.update({id: (holds, shown)}),
         untestable=lambda id, why: found.update({id: why}),
     )
-    names = {"base": p, "z": scene(p), "stream": lambda *_: rng(21), "ledger": ledger}
+    names = {
+        "base": p,
+        "scene": world(p, appears=1),
+        "z": scene(p, appears=1),
+        "stream": lambda *_: rng(21),
+        "ledger": ledger,
+    }
     names |= {"seed": 21, "Markdown": str, **vars(page)}
     source = "\n\n\n".join(
         cell
@@ -737,8 +804,8 @@ def test_a_cloud_that_leaves_altogether_starts_anew_without_a_target():
 
 def test_founders_are_numbered_in_the_order_of_birth():
     """So that survivors of one birth stand together, and their number is that of the changes."""
-    p = replace(page.Scenario(), N=60, B=20)
-    z, rng = scene(p, 3)[:40], np.random.default_rng(1)
+    p = replace(page.Filter(), N=60, B=20)
+    z, rng = scene(p, 3), np.random.default_rng(1)
     state = page.start(p, rng)
     for frame in z:
         state, estimate = page.step(state, frame, p, rng)
@@ -797,20 +864,22 @@ def test_the_offline_study_flew_the_scenes_of_the_page():
             assert abs(rows["ospa"].mean() - plain.loc[name, "ospa"]) <= 0.5
 
 
-def test_the_study_of_a_reading_flew_the_scenes_of_the_page():
+@pytest.mark.parametrize("way", ["available", "letter"])
+def test_the_study_of_the_readings_flew_the_scenes_of_the_page(way):
     """Trial 0 of the page at 6 dB again, by the page's functions alone."""
-    p, rows = page.Scenario(reading="available"), studies.read("mda_tbd_readings_trials")
-    purposes = "truth", "noise", "filter"
-    draws = [trials.generator(20, "mda_tbd", "scenes", 0, it) for it in purposes]
-    z = page.simulate(p, *draws[:2])
-    bias = page.recursion(z, p, draws[2]).P[14:].mean() - p.P_tar
-    it = rows[(rows["row"] == "t2.4") & (rows["trial"] == 0)]
+    told, rows = page.Filter(reading=way), studies.read("mda_tbd_readings_trials")
+    draws = [
+        trials.generator(20, "mda_tbd", "scenes", 0, it) for it in ("truth", "noise", "filter")
+    ]
+    z = page.simulate(page.Scene(), *draws[:2])
+    bias = page.recursion(z, told, draws[2]).P[14:].mean() - page.Scene().P_tar
+    it = rows[(rows["reading"] == way) & (rows["row"] == "t2.4") & (rows["trial"] == 0)]
     assert it["bias"].item() == pytest.approx(bias, rel=1e-4)
 
 
 def test_births_by_power_leave_the_evidence_of_one_frame_as_it_is():
     """Their weights are those of uniform births: the integral over the area, as above."""
-    z, p = scene(CORNER, 9)[:1], replace(CORNER, births="power")
+    z, p = scene(CORNER, 9, **STILL)[:1], replace(CORNER, births="power")
     exact = lattice_filter(z, CORNER)[0, 0]
     found = [page.run(z, p, rng(10, i)).existence[0] for i in range(12)]
     assert np.mean(found) == pytest.approx(exact, abs=4.5 * np.std(found, ddof=1) / math.sqrt(12))

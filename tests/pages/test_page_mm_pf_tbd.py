@@ -458,6 +458,18 @@ def test_births_weigh_prior_over_proposal(page):
     assert abs(cells - 3600 * root).max() < 1  # systematic
 
 
+def test_in_a_frame_of_a_single_cell_births_may_miss_it(page):
+    """All births from the map hit the cell; those from the prior have its density outside."""
+    s, q = page.Scene(nx=1, ny=1), page.Prior(x=(0, 4), y=(0, 4))
+    p, frame = page.Scenario(scene=s, prior=q), np.ones((1, 1))
+    S, over = page.map_births(frame, 1000, page.grid(s), p, np.random.default_rng(26))
+    inside = (np.abs(S[:, [0, 2]] - 1.0) <= 0.5).all(axis=1)
+    assert inside[:900].all()
+    assert not inside.all()
+    expected = np.where(inside, 1 / 16 / (0.9 + 0.1 / 16), 10.0)
+    assert over == pytest.approx(expected)
+
+
 def test_the_regime_of_a_birth_does_not_know_its_place(page, scene_frames):
     S, over = page.map_births(
         scene_frames[9], 4000, page.grid(page.Scene()), page.Scenario(), np.random.default_rng(15)
