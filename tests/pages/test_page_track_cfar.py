@@ -1091,6 +1091,22 @@ def test_one_decibel_breaks_the_promise_at_each_range():
     assert flown["y"].iloc[-1] == flown["y"].max()
 
 
+def test_the_saving_in_snr_is_more_than_the_ratio_of_the_thresholds():
+    """Section 5.2: at P_d the required SNR is eta / -ln(P_d) - 1."""
+    eta = committed("fig04").astype({"y": float}).pivot(index="x", columns="series", values="y")
+    ratio = 10 * np.log10(eta["traditional"] / eta["proposed"])
+    more = {}
+    for P_d in (0.5, 0.9):
+        needed = 10 * np.log10(eta / -math.log(P_d) - 1)
+        saving = needed["traditional"] - needed["proposed"]
+        more[P_d] = saving - ratio
+        assert saving.idxmin() == ratio.idxmin() == 60
+    assert eta["proposed"].idxmin() in (1, 2)
+    assert more[0.5][1] == pytest.approx(3.4, abs=0.05)
+    assert more[0.5][60] == pytest.approx(0.3, abs=0.05)
+    assert more[0.9].between(0.0, 0.4).all()
+
+
 def test_the_table_of_methods_says_what_section_5_4_says():
     table = committed("methods").set_index("method")
 
