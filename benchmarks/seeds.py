@@ -91,13 +91,19 @@ def numbers(paper, name, seed, text):
 
 
 def of_tables(paper):
-    """Methods and limits of a paper with five other seeds, a row for each number."""
+    """Methods and limits of a paper with five other seeds, a row for each number.
+
+    Without the numbers that each seed repeats with their errors: they come from a study.
+    """
     found = []
     for seed in FIVE:
         for name, text in rows.tables(paper, seed=seed).items():
             found += numbers(paper, name, seed, text)
         print(paper, seed, flush=True)
-    return pd.DataFrame(found, columns=TABLE_COLUMNS)
+    table = pd.DataFrame(found, columns=TABLE_COLUMNS)
+    kinds = table.groupby(["table", "row", "column"])[["value", "se"]].transform("nunique")
+    repeated = (kinds == 1).all(axis=1) & (table["se"] > 0)
+    return table[~repeated]
 
 
 def write_tables(paper):

@@ -206,10 +206,9 @@ def test_the_tests_run_on_the_oldest_and_the_newest_python():
     assert jobs["test"]["strategy"]["matrix"]["python"] == [named[0], named[-1]]
 
 
-def test_the_changelog_is_short():
+def test_the_changelog_has_the_newest_edition_first():
     parts = (paths.root() / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1:]
     assert [part.partition(" ")[0] for part in parts] == ["Fourth", "Third", "Second", "First"]
-    assert all(len(part.strip().splitlines()) <= 12 for part in parts), "heading and ten lines"
 
 
 def test_one_version_stands_everywhere():

@@ -71,13 +71,6 @@ def test_parameters_are_read_from_the_cell(paper):
     assert known["snr_db"].default == [3, 4.5]
 
 
-def test_every_committed_parameter_has_a_meaning_and_every_number_a_range():
-    for paper in pages.notebooks():
-        for one in pages.parameters(paper).values():
-            assert one.meaning, (paper, one.name)
-            assert one.type in ("str", "bool") or one.range() != "[-inf, inf]", (paper, one.name)
-
-
 GOOD = [
     ("n_trials", 1e3, 1000),
     ("track_pfa", 0.5, 0.5),
@@ -376,17 +369,6 @@ def test_the_digest_of_the_index_follows_verdicts_and_methods_of_all_papers(tmp_
     (tmp_path / "figures" / "track_cfar" / "methods.csv").write_text("method\n")
     assert pages.digest("index") not in (before, after)
     assert pages.digest("track_cfar") == chapter
-
-
-DAMAGED = {"no object": "[]", "no cells": "{}", "no source": '{"cells": [{"cell_type": "code"}]}'}
-
-
-@pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED)
-def test_a_damaged_notebook_is_named_in_one_line(repository, content):
-    (repository / "notebooks" / "01_tiny.ipynb").write_text(content)
-    with pytest.raises(ValueError, match=r"01_tiny\.ipynb: no notebook .*; take it from") as caught:
-        pages.parameters("tiny")
-    one_line(caught)
 
 
 def executed():

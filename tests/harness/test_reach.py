@@ -220,6 +220,16 @@ SAME = {
     ),
 }
 OTHER = {
+    "an entry of a dict": ('x = {"a": 1, "b": 2}', 'x = {"a": 1}'),
+    "an element of a list": ("x = [a, b]", "x = [a]"),
+    "a list for a tuple": ("def f(): return 1, 2", "def f(): return [1, 2]"),
+    "a call": ("x = f(y)", "x = y"),
+    "the order of arguments": ("f(a, b)", "f(b, a)"),
+    "a slice": ("x = y[1:]", "x = y[:]"),
+    "a statement": ("for x in y:\n    f()\n    g()", "for x in y:\n    f()"),
+    "the order of statements": ("for x in y:\n    f()\n    g()", "for x in y:\n    g()\n    f()"),
+    "the branches of a choice": ("x = a if b else c", "x = c if b else a"),
+    "the module of an import": ("from a import b", "from c import b"),
     "a number": ("x = 1", "x = 2"),
     "a type": ("x = 1", "x = 1.0"),
     "a string that is no docstring": ('x = "a"', 'x = "b"'),

@@ -265,7 +265,8 @@ def bad_values(field, value):
     ]
     whole = [True, 2.5] if isinstance(value, int) and field.type in (int, "int") else []
     several = [] if "ndarray" in str(field.type) else [[value]]
-    return ["20", math.nan, 1j, *several, *beyond, *whole]
+    nothing = [] if field.default is None else [None]
+    return ["20", math.nan, 1j, *nothing, *several, *beyond, *whole]
 
 
 FIELDS = [
@@ -312,6 +313,7 @@ def told(**change):
 
 CHAIN = (0.9, 0.05, 0.05), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8)
 SWAP = [0, 2, 1, 3]  # x, y, vx, vy
+NO_NUMBER = math.nan, "five", None, [1.0, 2.0, 3.0]
 SPECIAL = {
     DP.run: [
         ({"frames": DP_Z[:4]}, "frames"),
@@ -458,13 +460,12 @@ SPECIAL = {
         ),
     ],
     MDA.scenario: [
+        *((GRID | {name: bad}, name) for name in (*GRID, "noise") for bad in NO_NUMBER),
         (GRID | {"birth_sped": 3.0}, "scenario"),
         (GRID | {"source": "known"}, "scenario"),
         (GRID | {"sd_r": 0.0}, "sd_r"),
-        (GRID | {"da": None}, "da"),
         (GRID | {"nr": 24.5}, "nr"),
         (GRID | {"a_min": "north"}, "a_min"),
-        (GRID | {"noise": "40"}, "noise"),
         (GRID | {"da": 1.0}, "azimuth"),
         (GRID | {"sd_r": 0.1, "sd_a": 0.1}, "Filter"),
         (GRID | {"r_max": 900.0}, "scenario"),
@@ -532,6 +533,7 @@ SPECIAL = {
     CFAR.step: [({"scan": [[20.0, 0.4, 5.0]]}, "scan")],
     CFAR.Scenario: [({"bandwidth": 5e6}, "bandwidth"), ({"track_pfa": 1.0}, "track_pfa")],
     AI.Setup: [
+        *(({name: bad}, name) for name in "xPFQ" for bad in NO_NUMBER),
         *(({"P": bad}, "P") for bad in (np.zeros((4, 4)), np.eye(4) + np.eye(4, k=1), np.eye(2))),
         ({"P": [np.eye(4), -np.eye(4)]}, "P"),
         ({"Q": -np.eye(4)}, "Q"),

@@ -173,7 +173,7 @@ def test_parameters_are_complete_and_nothing_runs_before_them(paper):
     assert common == COMMON
 
 
-@every_page
+@pytest.mark.parametrize("paper", pages.notebooks())
 def test_every_parameter_says_what_it_may_be(paper):
     for parameter in pages.parameters(paper).values():
         assert parameter.meaning, parameter.name

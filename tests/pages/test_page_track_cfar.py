@@ -768,6 +768,31 @@ def test_a_track_starts_from_a_state(page):
     same_tracks(rest, whole[8:])
 
 
+def test_a_state_is_compared_with_the_first_scan_at_its_own_time(page):
+    """One scan is enough, and the times of later scans do not count."""
+    scans, _ = my_scans()
+    given, last = (
+        partial(page.run, p=mine(page), accuracy=(10.0, 0.002)),
+        page.run(scans[:10], mine(page), accuracy=(10.0, 0.002))[-1],
+    )
+    (one,) = given(scans[10:11], start=(last.x, last.P))
+    assert one.plot == 0
+    swap = [0, 2, 1, 3]
+    turned = last.x[swap], last.P[np.ix_(swap, swap)]
+    for T in (None, [4.0, 4.0, 4.0], [4.0, 400.0, 4.0]):
+        with pytest.raises(ValueError, match=r"^start: fits the plots in the order x, y, vx, vy"):
+            given(scans[10:13], start=turned, T=T)
+
+
+def test_a_plot_without_power_changes_nothing(page):
+    scans, _ = my_scans(12)
+    silent = [np.vstack([cells, cells[0] * [1.0, 1.0, 0.0]]) for cells in scans[2:]]
+    given = partial(page.run, p=mine(page), accuracy=(10.0, 0.002))
+    with_it, without = given([*scans[:2], *silent]), given(scans)
+    assert [t.plot for t in with_it] == [t.plot for t in without]
+    np.testing.assert_array_equal([t.x for t in with_it], [t.x for t in without])
+
+
 def test_the_manual_begins_with_one_screen_whose_example_runs(page):
     lines = page.__doc__.splitlines()
     assert len(lines) <= 24
@@ -944,6 +969,14 @@ def test_a_probability_by_range_is_interpolated_in_its_logarithm(page, p):
         assert math.isclose(page.at_range(r, table), expected, rel_tol=1e-12)
 
 
+def test_beyond_its_ends_a_table_by_range_keeps_its_first_and_its_last_probability(page):
+    """Also a part of a longer table: the values beside it do not count."""
+    longer = np.array([[5e4, 1e5, 2e5, 4e5, 8e5], np.log([0.5, 1e-3, 1e-2, 1e-1, 0.5])])
+    for part in (longer[:, 1:4], longer[:, 1:4].copy()):
+        for r, expected in ((6e4, 1e-3), (1e5, 1e-3), (4e5, 1e-1), (6e5, 1e-1), (9e5, 1e-1)):
+            assert math.isclose(page.at_range(r, part), expected, rel_tol=1e-12)
+
+
 @pytest.mark.parametrize("p_cell", [0.0, 4e-3])
 def test_a_table_of_one_probability_is_the_rule_without_a_table(page, p, p_cell):
     value = p_cell or float(page.frame_pfa(p))
@@ -1089,6 +1122,22 @@ def test_one_decibel_breaks_the_promise_at_each_range():
     flown = committed("noise_level").query("series == '+1 dB' and panel == 0").astype({"y": float})
     assert (flown["y"] > 0.15).all()
     assert flown["y"].iloc[-1] == flown["y"].max()
+
+
+def test_the_saving_in_snr_is_more_than_the_ratio_of_the_thresholds():
+    """Section 5.2: at P_d the required SNR is eta / -ln(P_d) - 1."""
+    eta = committed("fig04").astype({"y": float}).pivot(index="x", columns="series", values="y")
+    ratio = 10 * np.log10(eta["traditional"] / eta["proposed"])
+    more = {}
+    for P_d in (0.5, 0.9):
+        needed = 10 * np.log10(eta / -math.log(P_d) - 1)
+        saving = needed["traditional"] - needed["proposed"]
+        more[P_d] = saving - ratio
+        assert saving.idxmin() == ratio.idxmin() == 60
+    assert eta["proposed"].idxmin() in (1, 2)
+    assert more[0.5][1] == pytest.approx(3.4, abs=0.05)
+    assert more[0.5][60] == pytest.approx(0.3, abs=0.05)
+    assert more[0.9].between(0.0, 0.4).all()
 
 
 def test_the_table_of_methods_says_what_section_5_4_says():

@@ -37,6 +37,20 @@ FAULTS = [
         "harness/test_changes.py::test_a_value_that_was_corrected_without_a_line_is_named",
     ),
     Plant(
+        "an old value that is looked for in one column only",
+        "tbdcore/repro/corrections.py",
+        "for column in COLUMNS:",
+        'for column in ("value",):',
+        "harness/test_corrections.py::test_other_columns_of_the_claims_are_named",
+    ),
+    Plant(
+        "numbers that follow from an old value",
+        "tbdcore/repro/corrections.py",
+        "return digits in gives[0] - gives[1]",
+        "return False",
+        "harness/test_corrections.py::test_a_number_that_may_follow_is_named_while_the_correction_is_in_progress",
+    ),
+    Plant(
         "seeds that judged another value are shown",
         "tbdcore/repro/claims.py",
         "(claim.kind, claim.value, claim.unit, claim.rule)",
