@@ -7,15 +7,28 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks import mda_tbd_methods, timing
+import tbdcore
+from benchmarks import mda_filters, timing
+
+NAMES = {"optimum": "told right", "optimum, told 3 dB too little": "told -3 dB"}
+NAMES |= {name: name for name in ("proposed", "mainstream", "averaged")}
+NAMES |= {
+    f"{name}, births by power": f"{NAMES[name]}, births by power"
+    for name in ("optimum", "proposed", "averaged")
+}
+
+
+def fly(page, z, p):
+    """One trial."""
+    return page.recursion(z, p, np.random.default_rng(3))
 
 
 def main():
     """Time the methods, and write the file."""
-    page = mda_tbd_methods.page
+    page = tbdcore.page("mda_tbd")
     z = page.simulate(page.Scene(), np.random.default_rng(1), np.random.default_rng(2))
-    fly = partial(mda_tbd_methods.fly, z=z, R=6.0, rng=np.random.default_rng(3))
-    trials = {name: partial(fly, [name]) for name in mda_tbd_methods.METHODS}
+    filters = mda_filters.plain(page)
+    trials = {name: partial(fly, page, z, filters[key]) for name, key in NAMES.items()}
     timing.write_costs("mda_tbd", trials, repeat=2)
 
 

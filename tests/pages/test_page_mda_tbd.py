@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 import tbdcore
-from benchmarks import mda_tbd_methods
 from tbdcore import particles, state
 from tbdcore.kernels import mda_tbd
 from tbdcore.recording import misfit
@@ -856,6 +855,13 @@ def test_the_offline_study_flew_the_scenes_of_the_page():
     for key in ("bias", "rms", "ospa"):
         flown = study.loc[("proposed, own-cell", 6), key]
         assert flown == pytest.approx(shown.loc["proposed, 6 dB", key], rel=1e-3)
+    plain = studies.read("mda_filters_plain").set_index("filter")
+    each = studies.read("mda_filters_trials").groupby(["filter", "dB"])
+    for (name, R), rows in each:
+        assert rows["trial"].tolist() == list(range(30))
+        if R == 6:
+            assert abs(rows["ospa_strict"].mean() - plain.loc[name, "ospa_strict"]) <= 0.5
+            assert abs(rows["ospa"].mean() - plain.loc[name, "ospa"]) <= 0.5
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01])
@@ -868,28 +874,6 @@ def test_a_cell_contradicts_the_prior_in_units_of_the_noise(share):
         return
     with pytest.raises(ValueError, match="contradicts P_max"):
         page.step(page.start(p, rng(93)), z[1], p, rng(93))
-
-
-def test_the_ratios_of_all_cells_are_those_of_the_plain_loop():
-    """By Fourier transform, against equation (17) in the middle of cells, at the edges too."""
-    p = page.Filter(source="averaged")
-    z = p.noise * rng(90).standard_exponential((500, 90))
-    ratio, snr = mda_tbd_methods.cell_ratios(z, p)
-    i, j = rng(91).integers(1, [[501], [91]], size=(2, 60))
-    i[:6], j[:6] = [1, 1, 500, 500, 2, 250], [1, 90, 1, 90, 7, 90]
-    place = i.astype(float), j.astype(float)
-    each = [page.log_ratio(z / p.noise, *place, np.full(60, s), p.psf) for s in page.LEVELS]
-    np.testing.assert_allclose(ratio[i - 1, j - 1], np.log(np.exp(each).mean(axis=0)), atol=1e-9)
-    mean = (page.LEVELS[:, None] * np.exp(each)).sum(axis=0) / np.exp(each).sum(axis=0)
-    np.testing.assert_allclose(snr[i - 1, j - 1], mean, rtol=1e-9)
-
-
-def test_a_newborn_target_moves_on_the_grid_as_it_is_told():
-    """The mean square of the steps in range: of the velocity, and of a place in the cell."""
-    p = page.Filter()
-    steps = mda_tbd_methods.walk(p).sum(axis=1)
-    square = steps @ np.arange(-4, 5) ** 2
-    assert square == pytest.approx(p.birth_speed**2 / 3 / p.dr**2 + 1 / 6, rel=0.005)
 
 
 @pytest.mark.parametrize("way", ["available", "letter"])
