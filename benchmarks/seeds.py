@@ -9,7 +9,8 @@ with the same sources are not made again, so an interrupted study goes on where 
 
 ``python -m benchmarks.seeds PAPER tables`` makes the chapter's tables of methods and limits with
 five other seeds, by the cells that they need, and writes each number to ``data/tables_seeds.csv``.
-A sentence that compares two rows of a table holds for these seeds pooled: see ``lead``.
+``n_trials=20000`` after it flies fewer trials.  A sentence that compares two rows of a table holds
+for these seeds pooled: see ``lead``.
 """
 
 import io
@@ -90,30 +91,38 @@ def numbers(paper, name, seed, text):
     return found
 
 
-def of_tables(paper):
+def of_tables(paper, **values):
     """Methods and limits of a paper with five other seeds, a row for each number.
 
     Without the numbers that each seed repeats with their errors: they come from a study.
     """
     found = []
     for seed in FIVE:
-        for name, text in rows.tables(paper, seed=seed).items():
+        for name, text in rows.tables(paper, seed=seed, **values).items():
             found += numbers(paper, name, seed, text)
         print(paper, seed, flush=True)
     table = pd.DataFrame(found, columns=TABLE_COLUMNS)
     kinds = table.groupby(["table", "row", "column"])[["value", "se"]].transform("nunique")
     repeated = (kinds == 1).all(axis=1) & (table["se"] > 0)
-    return table[~repeated]
+    return table[~repeated].reset_index(drop=True)
 
 
-def write_tables(paper):
+def read_tables():
+    """The numbers of the tables of all papers with five other seeds; a word is NaN."""
+    table = studies.read("tables_seeds")
+    table[["value", "se"]] = table[["value", "se"]].apply(pd.to_numeric)
+    return table
+
+
+def write_tables(paper, **values):
     """Fly them, and write the file with the numbers of the other papers."""
-    table, file = of_tables(paper), paths.seeds().with_name("tables_seeds.csv")
-    head = f"# python -m benchmarks.seeds {paper} tables; seeds {FIVE[0]} to {FIVE[-1]}\n"
+    table, file = of_tables(paper, **values), paths.seeds().with_name("tables_seeds.csv")
+    said = " ".join([f"{paper} tables", *(f"{name}={value}" for name, value in values.items())])
+    head = f"# python -m benchmarks.seeds {said}; seeds {FIVE[0]} to {FIVE[-1]}\n"
     if file.is_file():
         lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
         head = "".join(it for it in lines if it[0] == "#" and f" {paper} tables" not in it) + head
-        old = studies.read("tables_seeds")
+        old = read_tables()
         table = pd.concat([old[old["paper"] != paper], table], ignore_index=True)
     products.write(file.parent, {file.name: head.encode() + products.csv(table)})
 
@@ -153,8 +162,9 @@ def merged(table, old, papers):
 def main():
     """Make the study and write the file, with the commit and the command in its first line."""
     words = sys.argv[1:]
-    if words[1:] == ["tables"]:
-        return write_tables(pages.paper_of(words[0]))
+    if words[1:2] == ["tables"]:
+        values = {name: int(value) for name, value in (word.split("=") for word in words[2:])}
+        return write_tables(pages.paper_of(words[0]), **values)
     known = claims.read(pages.paper_of(words[0], pages.papers())) if words else {}
     ids = [word for word in words if word in known]
     papers = [pages.paper_of(word, pages.papers()) for word in words if word not in ids]

@@ -215,7 +215,7 @@ def with_methods(folder):
 def with_seeds(made, monkeypatch):
     """Tables of other seeds than 21: its own, with other numbers."""
 
-    def of(paper, seed):
+    def of(paper, seed, **values):
         table = tables.read(io.StringIO(made["methods"]))
         table["mean"] += 0.01 * (seed - 21)
         return {"methods": products.csv(table).decode()}
@@ -233,7 +233,7 @@ def test_the_tables_of_a_page_are_made_with_five_other_seeds(folder, monkeypatch
     paths.seeds().with_name("tables_seeds.csv").write_text(other)
     for _ in range(2):  # the second time it takes the place of the first
         seeds.write_tables("tiny")
-    table = studies.read("tables_seeds")
+    table = seeds.read_tables()
     own = table[table["paper"] == "tiny"]
     assert len(table) == 11
     assert list(own["seed"]) == [s for s in (21, 22, 23, 24, 25) for _ in range(2)]
@@ -243,12 +243,26 @@ def test_the_tables_of_a_page_are_made_with_five_other_seeds(folder, monkeypatch
     assert error == pytest.approx(0.05 * math.sqrt(2 / 5), rel=0.2)
     text = paths.seeds().with_name("tables_seeds.csv").read_text()
     assert text.count("# python -m benchmarks.seeds tiny tables; seeds 21 to 25\n") == 1
+    seeds.write_tables("tiny", n_trials=20)
+    text = paths.seeds().with_name("tables_seeds.csv").read_text()
+    assert (
+        text.count(" tiny tables") == text.count(" tiny tables n_trials=20; seeds 21 to 25\n") == 1
+    )
+
+
+def test_a_word_is_no_number_when_the_numbers_of_other_seeds_are_read(folder):
+    lines = ",".join(seeds.TABLE_COLUMNS), "tiny,methods,a,b,21,,", "tiny,methods,a,c,21,1.5,0.1"
+    paths.seeds().with_name("tables_seeds.csv").write_text("\n".join(lines))
+    table = seeds.read_tables()
+    assert table["value"].isna().tolist() == [True, False]
+    assert table["se"].sum() == 0.1
 
 
 def test_what_each_seed_repeats_comes_from_a_study_and_is_left_out(folder, monkeypatch):
     text = products.csv(tables.methods("tiny", methods())).decode()
     monkeypatch.setattr(rows, "tables", lambda paper, seed: {"methods": text})
     table = seeds.of_tables("tiny")
+    assert list(table.index) == [*range(len(table))]
     assert set(table["column"]) == {"turn"}
     assert not (table["se"] > 0).any(), "only words and exact numbers may be the same"
 
