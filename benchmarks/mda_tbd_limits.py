@@ -46,10 +46,10 @@ def power(condition, shape, rng):
 
 
 def prepared(z, remedy, blank):
-    """Frames after ``recording``; `blank`: a frame without a target under the same condition."""
+    """Frames after ``recording``; `blank` (1, nr, na): a frame without a target."""
     if remedy == "level":
         return recording.normalise(z, recording.clipped(z, "exponential", SIZE), "exponential")
-    return noise.as_power(recording.normal_scores(z, recording.empirical_law(blank[None])))
+    return noise.as_power(recording.normal_scores(z, recording.empirical_law(blank)))
 
 
 def flight(condition, seed, i):
@@ -71,7 +71,7 @@ def flight(condition, seed, i):
             z[truth.random(FRAMES) < GAPS] = math.nan
         frames = [z]
         if remedy != "none":
-            frames.append(prepared(z, remedy, power(condition, shape[1:], truth)))
+            frames.append(prepared(z, remedy, power(condition, (1, *shape[1:]), truth)))
         for case, scans in enumerate(frames):
             track = page.recursion(scans, p, stream("filter"))
             on = track.existence > 0.5
