@@ -161,8 +161,8 @@ def test_a_value_that_was_corrected_twice_is_looked_for_twice(repository):
 
 
 def test_what_follows_from_a_number():
-    """The inverse, the rest to 100 %, decibels of a ratio, the ratio of decibels, what that saves."""
-    by_hand = [4.72, 0.211864, 95.28, 6.739420, 2.964831, 0.662712]
+    """Inverse, rest to 100 %, decibels of a ratio, ratio of decibels, the share that these save."""
+    by_hand = [4.72, 0.211864, 95.28, 6.739420, 2.964831, 0.662713]
     assert corrections.following("4.72") == pytest.approx(by_hand, abs=5e-7)
     for text, rest in (("0.658", 0.342), ("1", 0.0), ("100", 0.0)):
         assert corrections.following(text)[2] == pytest.approx(rest)
