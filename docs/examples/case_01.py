@@ -26,7 +26,8 @@ for _ in range(2):
     for k, tracks in enumerate(found):
         for track in tracks:
             away[K * k : K * (k + 1)] = track.cells
-print(recording.outcome(z, level, own, white, control))
+said = recording.outcome(z, level, own, white, control)
+print(said)
 print("blocks with a path", sum(map(bool, found)), "of", len(found))
 plt.imshow(z.mean(axis=0), cmap="Greys")
 plt.plot(*path[:, ::-1].T, "c-", lw=4, label="truth")

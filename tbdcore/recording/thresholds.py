@@ -179,6 +179,8 @@ def suspects(peaks: Peaks, white: Annotated[ArrayLike, Numbers("m")]) -> Array:
     white : (m,) largest values of ten or more searches in white noise, :func:`tbdcore.noise`; a
         block is named if noise would show such a value in one of n blocks once in a hundred
         recordings, by the law of Gumbel.
+
+    Probabilities of existence do not have that law; take their log-odds.
     """
     if len(white) < LEAST_TAIL:
         words = f"{len(white)} of them; give {LEAST_TAIL} or more"

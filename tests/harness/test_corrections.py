@@ -160,9 +160,14 @@ def test_a_value_that_was_corrected_twice_is_looked_for_twice(repository):
     assert len(changes.copies()) == 2
 
 
-def test_a_text_that_was_corrected_gives_no_other_numbers():
-    assert corrections.following("larger") == []
-    assert corrections.following("0.0") == [0.0]
+def test_what_follows_from_a_number():
+    """Inverse, rest to 100 %, decibels of a ratio, ratio of decibels, the share that these save."""
+    by_hand = [4.72, 0.211864, 95.28, 6.739420, 2.964831, 0.662713]
+    assert corrections.following("4.72") == pytest.approx(by_hand, abs=5e-7)
+    for text, rest in (("0.658", 0.342), ("1", 0.0), ("100", 0.0)):
+        assert corrections.following(text)[2] == pytest.approx(rest)
+    for text, numbers in (("101", [101.0]), ("0.0", [0.0]), ("larger", [])):
+        assert corrections.following(text) == numbers
 
 
 def test_score_names_the_places_before_the_chapter_has_been_run(inside, capsys):

@@ -1112,6 +1112,30 @@ def test_what_the_text_says_of_the_largest_prior_holds_for_other_seeds():
     assert min(told[[best, "JIPDA-AI"]]) > 95
 
 
+def test_jipda_leads_ljipda_at_equal_levels_as_well():
+    """Section 6."""
+    assert surely_more("angles", 3, "equal levels; JIPDA", "equal levels; LJIPDA")
+
+
+def test_the_indicator_alone_decides_the_sign_of_the_gain_between_neighbours():
+    """Section 6: under each reading of prior, visibility and what is told."""
+    flown = studies.read("readings_flown")
+    flown = flown[(flown["paper"] == "ljipda_ai") & (flown["row"] == "con.dense")]
+    gain = flown["measured"].str.removeprefix("margin ").astype(float)
+    every = ~flown["reading"].str.contains("indicator")
+    assert (every.sum(), (~every).sum()) == (8, 16)
+    assert max(gain[every]) < 0 < min(gain[~every])
+
+
+def test_what_the_text_says_of_the_bound_stands_in_the_figure():
+    """Section 5.1."""
+    drawn = committed("fig03").reset_index()
+    drawn = drawn.pivot(index="x", columns=["panel", "series"], values="y")
+    ratio = drawn.xs("LJIPDA-AI", axis=1, level=1) / drawn.xs("Cramér-Rao bound", axis=1, level=1)
+    assert (ratio.loc[:12].min() < 1.2).all()
+    assert ((ratio.loc[100] > 1.2) & (ratio.loc[100] < 1.8)).all()
+
+
 def test_what_the_text_says_of_heavy_tails_holds_for_other_seeds():
     """Section 5.5."""
     exact, linear = "JIPDA-AI", "LJIPDA-AI, largest prior"
@@ -1123,6 +1147,7 @@ def test_what_the_text_says_of_heavy_tails_holds_for_other_seeds():
         assert surely_more("amplitudes", shape, *told)
     told = f"cross, told Rayleigh; {exact}"
     assert surely_more("amplitudes", 0.3, "cross, dropped; JIPDA", told)
+    assert not surely_more("amplitudes", 0.5, told, "cross, dropped; JIPDA")
     table = boats()
     law = table[(table["case"] == "cross, told the law") & (table["method"] == exact)]
     assert law["value"].min() > 90

@@ -98,6 +98,39 @@ def test_plots_are_maxima_of_the_filtered_frame_counted_once_with_the_power_of_t
     assert np.allclose(second[:, 2], 5)
 
 
+@pytest.mark.parametrize(("cells", "declared"), [(1.0, True), (2.0, False)])
+def test_plots_start_a_track_only_if_a_target_can_move_that_far(cells, declared):
+    """One plot in each frame, some cells farther than the one before; a target moves 1 cell."""
+    f = np.zeros((8, 40, 40))
+    f[np.arange(8), (10 + cells * np.arange(8)).astype(int), 12] = 50.0
+    score, place = six.plots_to_tracks(f, p, "a")
+    assert (score > 0).tolist() == 3 * [False] + 5 * [declared]
+    if declared:
+        assert np.abs(place[3:, 0] - np.arange(14, 19)).max() < 0.1
+        assert np.abs(place[3:, 1] - 13).max() < 0.1
+
+
+def test_a_loud_target_is_held_by_each():
+    held = six.Scene(K=15, enters=0, leaves=15, snr_db=20.0)
+    x, z = scene(held)
+    plots, start = six.scans(z, p), x[:, 0]
+    error = stream("filter", "cloud").standard_normal((p.N, 4)) * np.diag(six.KNOWN) ** 0.5
+    places = [
+        six.hold_bernoulli(z, start + error, p, stream("filter", name), name)
+        for name in six.SOURCES
+    ]
+    places += [six.nearest_plots(plots, start, p)[:, 0], six.track_cfar(plots, start[0], p)]
+    places += [*six.ljipda(plots, start, p, ["IPDA-AI", "JIPDA"])[:, 0]]
+    assert np.abs(np.array(places) - x[0, :, ::2]).max() < 0.5
+
+
+def test_chapter_03_is_told_the_frame_its_cells_and_their_time():
+    q = six.radar(p, "averaged")
+    assert (q.T, q.dr, q.da * six.R0) == (1.0, 1.0, 1.0)
+    assert np.allclose([q.r_min - six.R0, q.r_max - six.R0], [0.5, p.n + 0.5])
+    assert np.allclose([q.a_min * six.R0, q.a_max * six.R0], [-p.n / 2, p.n / 2])
+
+
 def one_cell(powers):
     """A scan without plots, then one plot in one place in each scan."""
     return [np.empty((0, 3)), *(np.array([[9.0, 9.0, u]]) for u in powers)]
@@ -311,6 +344,11 @@ def test_the_threshold_of_the_bound_from_scenes_with_a_target_holds_on_empty_sce
     assert terms.mean() <= 0.1
     error = math.hypot(terms.std() / n**0.5, math.sqrt(0.1 * 0.9 / n))
     assert abs((ratios[1] >= t).mean() - terms.mean()) < 2.6 * error
+
+
+def test_the_bound_may_reach_the_false_share():
+    """Four scenes that say nothing, with a ratio of 1, have false shares of 1/4, 2/4 and so on."""
+    assert six.within_bound(np.zeros(4), 0.5).tolist() == [True, True, False, False]
 
 
 def test_half_of_the_bound_is_interpolated():

@@ -1119,9 +1119,11 @@ def test_two_simulations_of_louder_noise_agree():
 
 def test_one_decibel_breaks_the_promise_at_each_range():
     """Section 5.6."""
-    flown = committed("noise_level").query("series == '+1 dB' and panel == 0").astype({"y": float})
-    assert (flown["y"] > 0.15).all()
-    assert flown["y"].iloc[-1] == flown["y"].max()
+    flown = committed("noise_level").query("series == '+1 dB' and panel == 0")
+    y, se = flown["y"].astype(float).to_numpy(), flown["se"].astype(float).to_numpy()
+    assert list(flown["x"].astype(float)[[flown.index[0], flown.index[-1]]]) == [150.0, 400.0]
+    assert (y - 0.15 > 2.6 * se).all()
+    assert y[-1] - y[0] > 2.6 * math.hypot(se[0], se[-1])
 
 
 def test_the_saving_in_snr_is_more_than_the_ratio_of_the_thresholds():

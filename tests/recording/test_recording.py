@@ -248,6 +248,7 @@ def test_the_unit_of_the_noise():
     a[:20] *= 4.0  # targets
     found = recording.noise_unit(a, 14.0, told=7.0)
     assert found.value == pytest.approx(7.0, abs=3 * found.se + 0.1)
+    assert recording.noise_unit(a, 14.0) == found, "a unit that is not told is not compared"
     for wrong in (3.5, 14.0):
         with pytest.warns(Misfit, match=f"not {wrong:g}"):
             recording.noise_unit(a, 14.0, told=wrong)
