@@ -265,7 +265,7 @@ def echoes(folder):
     cells = {"nr": 48, "na": 32, "dr": 5.0, "da": 0.01, "r_min": 2000.0, "sd_r": 1.5, "sd_a": 1.5}
 
     def run(**settings):
-        p = page.scenario(**cells, N=3000, B=1000, **settings)
+        p = page.scenario(**cells, birth_speed=8.0, N=3000, B=1000, **settings)  # it has 6 m/s
         return page.run(z, p, np.random.default_rng(1))
 
     return run
