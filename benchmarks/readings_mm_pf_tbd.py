@@ -12,11 +12,14 @@ import numpy as np
 from benchmarks import readings as driver
 from tbdcore.repro import claims
 
-USES = ("Outcome", "prior", "classic", "improved", "n_trials")
+USES = ("Outcome", "prior", "classic", "improved", "present", "regime")
 USES += ("mended", "monte_carlo", "declared_share", "correct", "scored", "per_run")
-USES += ("output_rmse",)
+USES += ("output_rmse", "seeded", "never_reset")
+USES += ("straight", "fades", "losses")
 SPREADS = {"half a cell": (0.5, 0.3), "one cell": (1.0, 0.6)}  # cells, cells per second
-RUNS = 150  # of each filter; those of abs.cause are the page's
+RUNS = 150  # of each filter
+COPIES = 200  # runs of abs.cause
+PLACED = 100  # runs of each filter that starts at the target
 LEDGER = claims.Ledger("mm_pf_tbd", strict=False)
 PAGE = []  # the page's names, for the flights that rows share
 
@@ -71,9 +74,48 @@ def cause(reading):
     page, (p, _) = PAGE[0], filters(reading)
     part, lost = LEDGER.number("abs.cause", "part"), []
     for share in (0.0, 1.0):
-        o = page.monte_carlo([p], page.n_trials, method=partial(page.mended, share=share))
+        o = page.monte_carlo([p], COPIES, method=partial(page.mended, share=share))
         lost.append(1 - page.declared_share(o)[:, 0])
     return (1 - part) * lost[0] - lost[1]
+
+
+@functools.cache
+def unreset(p):
+    """Effective shares (run, frame) of a classic filter whose weights are never reset."""
+    return PAGE[0].never_reset(p, RUNS)
+
+
+def unavoidable(reading):
+    """Margin of s0.degeneracy.unavoidable, for each run."""
+    level, frame = (LEDGER.number("s0.degeneracy.unavoidable", it) for it in ("level", "frame"))
+    return level - unreset(own(reading))[:, int(frame) - 1]
+
+
+def relieves(reading):
+    """Margin of s0.resampling.relieves, for each run."""
+    p = own(reading)
+    gain = np.log10(flown(p).n_eff[:, 0] / p.M / unreset(p))
+    return gain[:, PAGE[0].present].mean(axis=1) - LEDGER.number("s0.resampling.relieves", "level")
+
+
+@functools.cache
+def placed(p, fade=None):
+    """The runs of one filter that starts at the target."""
+    return PAGE[0].monte_carlo([p], PLACED, method=PAGE[0].seeded, fade=fade)
+
+
+def degraded(id, reading):
+    """Margins of a row on what degrades the placed classic filter, (run, 2)."""
+    page, p, frames = PAGE[0], own(reading), PAGE[0].present
+    hard = easy = placed(p)
+    if id == "abs.degrade.weak":
+        factor = LEDGER.number(id, "factor")
+        hard = placed(replace(p, scene=replace(p.scene, amplitude=factor * p.scene.amplitude)))
+    elif id == "abs.degrade.fluctuation":
+        hard = placed(p, page.fades)
+    else:
+        easy, frames = placed(replace(p, scene=page.straight)), np.flatnonzero(page.regime == 2)
+    return page.losses(hard, 0, easy, 0, frames) - LEDGER.number(id, "limit")
 
 
 def study(make):
@@ -94,4 +136,7 @@ def of_row(id, reading):
 MAIN = ("s0.diversity", "s2.diversity", "s2.effectiveness", "f3.regime")
 MAIN += ("abs.detects", "s4.pd", "s4.earlier", "s4.accuracy", "f2.delay")
 ROWS = {id: study(partial(of_row, id)) for id in MAIN}
+ROWS |= {"s0.degeneracy.unavoidable": study(unavoidable), "s0.resampling.relieves": study(relieves)}
 ROWS["abs.cause"] = study(cause)
+DEGRADED = ("abs.degrade.weak", "abs.degrade.manoeuvre", "abs.degrade.fluctuation")
+ROWS |= {id: study(partial(degraded, id)) for id in DEGRADED}
