@@ -575,6 +575,18 @@ def test_what_is_not_resolved_is_within_its_error(column, one, other, where):
     assert abs(gap) < 2.6 * error
 
 
+def test_what_the_page_says_of_its_own_figures_holds_for_five_other_seeds():
+    """Not resolved, and not said: how much of the gain is left at equal cost, and whether most of
+    the frames are saved that are lost before the target is found.
+    """
+    table = studies.read("mm_pf_tbd_seeds")
+    z = table["gap"] / table["se"]
+    unresolved = (table["other"] == "the gain at equal cost") | (table["what"] == "lost before")
+    assert (len(table), unresolved.sum()) == (15, 3)
+    assert (z[~unresolved] > 2.6).all()
+    assert (z[unresolved].abs() < 2.6).all()
+
+
 def test_the_threshold_of_a_study_and_its_error_enter_the_measures():
     """Scores without a target are 1 to 20000: at most one in a hundred exceeds 19801."""
     rng = np.random.default_rng(71)
