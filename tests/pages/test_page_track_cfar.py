@@ -1185,6 +1185,39 @@ def test_the_table_of_limits_says_what_section_5_6_says():
 # The same for five other seeds --------------------------------------------------------------------
 
 
+def gap_of(column, row, other):
+    """By how much a row of the table of methods exceeds another, and its error; with that of the
+    tuning, which all seeds share and which is within the errors of the committed table.
+    """
+    table = seeds.read_tables().query("paper == 'track_cfar' and table == 'methods'")
+    value, error = seeds.lead(table, column, row, other)
+    return value, math.hypot(
+        error, *committed("methods").set_index("method").loc[[row, other], f"{column}_se"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("row", "other"), [("proposed", PLAIN[0]), (PLAIN[1], "proposed"), (TUNED, "proposed")]
+)
+def test_the_order_of_the_rules_holds_for_other_seeds(row, other):
+    for column, sign in (("range (km)", 1), ("SNR (dB)", -1), ("life (frames)", 1)):
+        value, error = gap_of(column, row, other)
+        assert sign * value > 2.6 * error, column
+
+
+def test_what_else_section_5_4_says_of_the_rules_holds_for_other_seeds():
+    for column in ("range (km)", "SNR (dB)"):
+        value, error = gap_of(column, PLAIN[1], TUNED)
+        assert abs(value) < 2.6 * error
+        all_of_it, _ = gap_of(column, "proposed", "traditional")
+        for rule in ("proposed", TUNED, *PLAIN):
+            assert gap_of(column, rule, "traditional")[0] / all_of_it > 0.8
+    table = seeds.read_tables().query("paper == 'track_cfar' and column == 'largest P_F'")
+    every = table.groupby("row")[["value", "se"]].mean()
+    assert set(every.index) >= {"proposed", TUNED, *PLAIN}
+    assert (every["value"] - 0.1 < 2.6 * every["se"]).all()
+
+
 def pooled(file, keys, measures):
     """Means over the five seeds of a study by some keys, with their errors."""
     table = studies.read(file)
