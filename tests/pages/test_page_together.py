@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.special import i0
-from scipy.stats import kstest
+from scipy.stats import kstest, norm
 
 import tbdcore
 from benchmarks import together
@@ -507,6 +507,14 @@ def test_a_half_of_the_study_is_that_of_its_shares(scene):
         assert together.SNR_DB[above - 1] <= row["half_db"] <= together.SNR_DB[above]
 
 
+def test_the_false_share_holds_on_other_empty_scenes():
+    other = studies.read("together_false")
+    assert other["method"].tolist() == [together.label(it) for it in together.AGAIN]
+    assert (other["n"] == together.EMPTY * len(together.FRESH)).all()
+    quantile = norm.isf(0.0093 / 2 / len(other))  # 2.6 errors, of any of them
+    assert ((other["share"] - together.SHARE).abs() < quantile * other["se"]).all()
+
+
 def test_nobody_beats_the_bound():
     for scene in together.SCENES:
         half, se = finding(scene)[["half_db", "half_db_se"]].to_numpy(float).T
@@ -535,6 +543,16 @@ def test_the_table_of_methods_has_the_numbers_of_the_study(scene):
     rows = finding(scene).loc[table.index]
     assert np.allclose(table[column], rows["half_db"])
     assert np.allclose(table[f"{column}_se"], rows["half_db_se"])
+
+
+def test_thresholds_of_white_noise_declare_too_much_of_other_noise():
+    """Section 5."""
+    noise = studies.read("together_noise")
+    assert noise["method"].tolist() == 2 * [together.label(it) for it in together.NOISY]
+    error = np.hypot(noise["empty_se"], math.sqrt(0.05 * 0.95 / together.EMPTY))
+    assert (noise["empty"] - together.SHARE > 2.6 * error).all()
+    found = noise.set_index(["condition", "method"])["found"]
+    assert found["K, shape 3", "multiple model (c)"] == 0
 
 
 @every_scene
