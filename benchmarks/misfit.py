@@ -37,6 +37,11 @@ def clean(law, shape, rng):
     return (noise.gaussian if law == "gaussian" else noise.exponential)(shape, rng)
 
 
+def with_gaps(frames, share, rng):
+    """A copy in which each frame is missing (all NaN) with probability ``share``."""
+    return np.where(rng.random(len(frames))[:, None, None] < share, np.nan, frames)
+
+
 def by_law(law, normal):
     """Standard normal frames as the law's, with the same neighbours."""
     return normal if law == "gaussian" else noise.as_power(normal)
@@ -67,7 +72,7 @@ CONDITIONS = {
     "target of 11 dB": lambda law, shape, rng: target(law, shape, 11.0, rng),
     "target of 20 dB": lambda law, shape, rng: target(law, shape, 20.0, rng),
     "two targets of 15 dB": lambda law, shape, rng: two_targets(law, shape, 15.0, rng),
-    "half of the frames missing": lambda law, s, rng: noise.with_gaps(clean(law, s, rng), 0.5, rng),
+    "half of the frames missing": lambda law, s, rng: with_gaps(clean(law, s, rng), 0.5, rng),
     "level +0.5 dB": lambda law, shape, rng: noise.louder(clean(law, shape, rng), 0.5, law),
     "level +1 dB": lambda law, shape, rng: noise.louder(clean(law, shape, rng), 1.0, law),
     "level +3 dB": lambda law, shape, rng: noise.louder(clean(law, shape, rng), 3.0, law),

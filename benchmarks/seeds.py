@@ -102,8 +102,10 @@ def of_tables(paper, **values):
             found += numbers(paper, name, seed, text)
         print(paper, seed, flush=True)
     table = pd.DataFrame(found, columns=TABLE_COLUMNS)
-    kinds = table.groupby(["table", "row", "column"])[["value", "se"]].transform("nunique")
+    each = table.groupby(["table", "row", "column"])
+    kinds = each[["value", "se"]].transform("nunique")
     repeated = (kinds == 1).all(axis=1) & (table["se"] > 0)
+    repeated &= each["value"].transform("count") == len(FIVE)  # a word is no number
     return table[~repeated].reset_index(drop=True)
 
 

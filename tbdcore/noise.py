@@ -24,7 +24,7 @@ from tbdcore.checks import (
 from tbdcore.jit import kernel
 
 __all__ = ["as_power", "correlated", "exponential", "gaussian", "k_power", "k_survival"]
-__all__ += ["louder", "sloped", "with_gaps"]
+__all__ += ["louder", "sloped"]
 
 TINY = np.finfo(float).tiny
 LAWS = ("gaussian", "exponential")
@@ -176,9 +176,3 @@ def sloped(
     """
     place = np.linspace(-0.5, 0.5, frames.shape[axis])
     return frames * (1 + change * np.expand_dims(place, [a for a in range(3) if a != axis]))
-
-
-@checked
-def with_gaps(frames: Frames, share: Annotated[float, Number(0.0, 1.0)], rng: Generator) -> Array:
-    """A copy in which each frame is missing (all NaN) with probability ``share``."""
-    return np.where(rng.random(len(frames))[:, None, None] < share, np.nan, frames)

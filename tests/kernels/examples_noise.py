@@ -3,7 +3,7 @@
 import numpy as np
 
 FRAMES = np.arange(24.0).reshape(2, 3, 4)
-FREE = {("louder", "frames"), ("sloped", "frames"), ("with_gaps", "frames")}
+FREE = {("louder", "frames"), ("sloped", "frames")}
 FREE |= {("k_survival", "power"), ("as_power", "normal")}
 
 
@@ -29,5 +29,4 @@ EXAMPLES = {
     "as_power": lambda: {"normal": np.array([-1.0, 0.0, 2.0])},
     "louder": lambda: {"frames": FRAMES.copy(), "decibels": 3.0},
     "sloped": lambda: {"frames": FRAMES.copy(), "change": 0.5, "axis": 2},
-    "with_gaps": lambda: {"frames": FRAMES.copy(), "share": 0.5, "rng": rng()},
 }

@@ -59,12 +59,13 @@ def bound_by(walk):
 
 @functools.cache
 def used_by_pages():
-    """Names of the core that the notebooks, their studies and the harness reach."""
+    """Names of the core that notebooks, their studies, examples on own data, the harness reach."""
     used = set()
     studies = (file for paper in pages.papers() for file in ROOT.glob(f"benchmarks/{paper}_*.py"))
     studies = (file.read_text(encoding="utf-8") for file in studies)
     harness = (path.read_text(encoding="utf-8") for path in (PACKAGE / "repro").glob("*.py"))
-    for source in [*notebook_code(), *studies, *harness]:
+    examples = (file.read_text("utf-8") for file in ROOT.glob("docs/examples/*.py"))
+    for source in [*notebook_code(), *studies, *examples, *harness]:
         walk = reach._Walk(reach._read, {"": source})
         walk.whole("")
         used.update(bound_by(walk))

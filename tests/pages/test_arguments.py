@@ -479,7 +479,7 @@ SPECIAL = {
     ],
     MDA.Scene: [({"appears": 20, "leaves": 19}, "leaves"), ({"dr": 3.0}, "range")],
     MDA.Filter: [
-        ({"a_max": 46.0, "da": 0.1, "a_min": 45.0}, "azimuth"),
+        ({"a_max": 46.0, "da": 0.1, "a_min": 45.0, "L_a": 100.0}, "azimuth"),
         ({"L_r": 36.0, "L_a": 14600.0}, "Filter"),
         ({"dr": 3.0}, "range"),
         ({"N": 10**8, "B": 10**8}, "N"),

@@ -16,11 +16,11 @@ import pytest
 from scipy import integrate, special
 
 import tbdcore
-from benchmarks import dp_tbd_curves
+from benchmarks import dp_tbd_curves, seeds
 from tbdcore import motion, recording, state
 from tbdcore.kernels import dp_tbd
 from tbdcore.recording import misfit
-from tbdcore.repro import pages, paths
+from tbdcore.repro import claims, pages, paths
 
 START = np.array([351_550.0, 350_350.0, 170.0, 190.0])
 
@@ -667,8 +667,59 @@ def ahead(lead):
     return value > 2.6 * error
 
 
-def test_tonissen_s_set_never_follows_half_of_the_targets_in_a_turn():
-    assert methods().loc["Tonissen", "$P_D$ weak turn"] == "never"
+def other_seeds():
+    """The numbers of the table of methods with five other seeds."""
+    return seeds.read_tables().query("paper == 'dp_tbd' and table == 'methods'")
+
+
+@pytest.mark.parametrize(
+    ("column", "higher", "lower"),
+    [
+        ("$P_d$ straight", "weighted", "Tonissen"),
+        ("$P_d$ straight", "conventional", "weighted"),
+        ("$P_d$ weak turn", "conventional", "weighted"),
+        ("$P_D$ weak turn", "conventional", "weighted"),
+    ],
+)
+def test_the_order_of_the_sets_holds_for_the_first_and_five_other_seeds(column, higher, lower):
+    """The first screen, and Section 5.1."""
+    assert ahead(seeds.lead(other_seeds(), column, higher, lower))
+    assert float(methods().loc[higher, column]) > float(methods().loc[lower, column])
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [("straight", "weak turn"), ("weak turn", "strong turn")]
+)
+def test_the_weighted_set_needs_more_the_harder_the_turn_for_other_seeds(before, after):
+    """Section 5.1."""
+    table = other_seeds().query("row == 'weighted'")
+    table = table.assign(row=table["column"], column="any")  # the tracks are compared
+    assert ahead(seeds.lead(table, "any", f"$P_d$ {after}", f"$P_d$ {before}"))
+
+
+@pytest.mark.parametrize(("track", "id"), [("weak turn", "w02"), ("strong turn", "w04")])
+def test_the_gain_of_the_weighted_set_is_less_than_printed_for_other_seeds(track, id):
+    """Section 5.1."""
+    gain, error = seeds.lead(other_seeds(), f"$P_d$ {track}", "conventional", "weighted")
+    assert ahead((float(claims.read("dp_tbd")[f"f2.gain.sw_conv.{id}"].value) - gain, error))
+
+
+def test_the_gain_of_the_weighted_set_is_larger_in_the_whole_path_for_other_seeds():
+    """Section 5.1."""
+    (last, e), (whole, f) = (
+        seeds.lead(other_seeds(), f"{measure} weak turn", "conventional", "weighted")
+        for measure in ("$P_d$", "$P_D$")
+    )
+    assert ahead((whole - last, math.hypot(e, f)))
+
+
+def test_tonissen_s_set_stays_below_one_half_for_other_seeds():
+    """The first screen, Section 6; a word has no number."""
+    columns = ["$P_d$ strong turn", "$P_D$ weak turn"]  # in $P_d$, one seed does in the weak turn
+    table = other_seeds().query("row == 'Tonissen' and column in @columns")
+    assert len(table) == 10
+    assert table["value"].isna().all()
+    assert (methods().loc["Tonissen", columns] == "never").all()
 
 
 CURVE_SENTENCES = [  # study, scene, x, the method with the higher y, the one with the lower y

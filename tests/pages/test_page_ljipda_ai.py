@@ -994,7 +994,7 @@ def scan_by_hand(names, z, u, x, P, F, p):
     d, D = names["d"], np.full(len(x), p.p_detect * p.p_gate)
     prior = names["prior"](N, names["predict_existence"](np.full(3, p.p_start), p), D)
     P_V, p_hat = names["visible"](names["source"](prior)[0]), N * np.exp(d / (1 + d) * u) / (1 + d)
-    delta = names["indicator"](P_V, p_hat, p.clutter, D)
+    delta = names["delta_of"](P_V, p_hat, p.clutter, D)
     beta = names["weights"](P_V, p_hat, p.clutter, D, delta)
     tracks = zip(xs, Ps, S, beta, strict=True)
     return [names["mixture"](x, P, S, z, b) for x, P, S, b in tracks]
@@ -1243,7 +1243,7 @@ def test_equations_of_the_page_are_the_core():
     P_V = names["visible"](names["source"](names["prior"](p, P, D))[0])
     np.testing.assert_allclose(P_V, ljipda_ai.visibility(ratio, P, D), rtol=1e-12)
     p_hat = p * np.exp(loud)
-    delta = names["indicator"](P_V, p_hat, 3e-5, D)
+    delta = names["delta_of"](P_V, p_hat, 3e-5, D)
     beta, alive = ljipda_ai.ljipda(ratio, loud, P, D)
     np.testing.assert_allclose(names["weights"](P_V, p_hat, 3e-5, D, delta), beta, rtol=1e-12)
     np.testing.assert_allclose(names["posterior"](delta, P), alive, rtol=1e-12)
