@@ -7,9 +7,9 @@ declared at the right place, with its error, and the shares declared at each SNR
 from 1000 scenes without a target, of which each method declares 5 %.  The rows "known path" are the
 bound.
 
-``data/together_seeds.csv``: the same SNR with five other seeds, for the bound, for the methods that
-are within a decibel of the lowest in both scenes of ``together_finding`` and take less than 10 ms
-for a scene, and for Tonissen (a).
+``data/together_seeds.csv``, not made yet: the same SNR with five other seeds, for the bound, for
+the methods that are within a decibel of the lowest in both scenes of ``together_finding`` and take
+less than 10 ms for a scene, and for Tonissen (a).
 
 ``data/together_false.csv``: for these methods the share of 5000 other empty scenes, of other seeds,
 that is declared with the thresholds of ``together_finding``; its error contains the threshold's.
