@@ -18,7 +18,7 @@ __all__ += ["windows"]
 
 LEAST_TAIL = 10  # largest values to which a law is fitted
 EULER = 0.5772156649015329
-SURE = 0.01  # chance that one block or more of noise is taken for a target's
+SURE = 0.01  # what has a smaller chance is said
 DARK = 6.0  # standard deviations below the mean
 DARK_FRAMES = 3
 ANYWHERE = Numbers(..., low=-1e9, high=1e9, nan=True)
@@ -180,7 +180,9 @@ def suspects(peaks: Peaks, white: Annotated[ArrayLike, Numbers("m")]) -> Array:
         block is named if noise would show such a value in one of n blocks once in a hundred
         recordings, by the law of Gumbel.
 
-    Probabilities of existence do not have that law; take their log-odds.
+    Probabilities of existence do not have that law; take their log-odds.  A threshold from blocks
+    of which some were left out is no longer that of the control: leave them out to find targets,
+    cut these out, and take all blocks that remain.
     """
     if len(white) < LEAST_TAIL:
         words = f"{len(white)} of them; give {LEAST_TAIL} or more"
@@ -218,10 +220,17 @@ class Outcome(NamedTuple):
     faults: list
     dark: float
 
+    @property
+    def exceeds(self) -> bool:
+        """Whether the control declares more than promised: its chance is below 0.01."""
+        return self.chance < SURE
+
     def __str__(self):
         line = f"{self.used:.0%} of the cells used; threshold {self.threshold:.4g}, in white noise "
         line += f"{self.white:.4g}; control: {self.declared} of {self.blocks} declared, "
         line += f"{self.promised:.2g} promised (so many by chance: {self.chance:.2g})"
+        if self.exceeds:
+            line += ": more than promised"
         if self.faults:
             line += f"; the noise does not fit: {', '.join(self.faults)}"
         if self.holds:

@@ -128,6 +128,42 @@ def test_the_chance_of_a_control_is_that_of_both_halves():
     assert np.mean(np.array(chances) < 0.05) <= 0.12
 
 
+def delivered(choose, p=0.1):
+    """Share of the blocks of the control declared, of 80 recordings, and its error.
+
+    The level of the noise differs from place to place; choose(own, white) are the blocks of the
+    threshold.
+    """
+    white, shares = largest(noise.gaussian((200, 5, 10, 10), rng())), []
+    for seed in range(80):
+        level = np.exp(0.4 * rng(seed).standard_normal((6, 6))).repeat(10, 0).repeat(10, 1)
+        cut = recording.windows(level * noise.gaussian((20, 60, 60), rng(seed)), 5, (10, 10))
+        peaks = largest(cut.blocks)
+        own, control = peaks[~cut.control], peaks[cut.control]
+        shares.append((control > recording.threshold(choose(own, white), p).value).mean())
+    return np.mean(shares), np.std(shares) / len(shares) ** 0.5
+
+
+def test_a_control_declares_what_is_promised_where_the_level_differs_between_blocks():
+    share, error = delivered(lambda own, white: own)
+    assert error < 0.01
+    assert share == pytest.approx(0.1, abs=3 * error)
+
+
+def test_blocks_left_out_of_the_threshold_alone_break_its_promise():
+    share, error = delivered(lambda own, white: np.delete(own, recording.suspects(own, white)))
+    assert share > 0.1 + 5 * error
+
+
+def test_a_control_that_exceeds_its_promise_is_said():
+    z, peaks = noise.gaussian((10, 20, 20), rng()), np.linspace(3.0, 4.0, 40)
+    level = recording.threshold(peaks, 0.1)
+    more, few = (recording.outcome(z, level, peaks, peaks, peaks[-n:]) for n in (4, 40))
+    assert more.chance < 0.01 < few.chance
+    assert (more.exceeds, few.exceeds) == (True, False)
+    assert ["more than promised" in str(found) for found in (more, few)] == [True, False]
+
+
 def test_targets_in_all_blocks_are_named():
     """A target of six standard deviations in each frame of white noise."""
     z = noise.gaussian((50, 60, 60), rng())
