@@ -382,3 +382,12 @@ def test_the_influence_of_each_trial_is_a_derivative():
 def test_no_kept_trial_is_nan():
     rmse, _ = ljipda_ai.kept_rmse(np.ones((3, 2, 1, 2)), np.zeros((3, 1), bool))
     assert np.isnan(rmse).all()
+
+
+@pytest.mark.parametrize("part", [0, 1])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_one_number_that_is_not_finite_is_enough_for_a_refusal(part, value):
+    tracks = [np.zeros((1, 4)), np.zeros((1, 4, 4))]
+    tracks[part].flat[3] = value
+    with pytest.raises(ValueError, match=r"^ljipda_ai: .*NaN or infinite"):
+        ljipda_ai._finite_tracks(*tracks)

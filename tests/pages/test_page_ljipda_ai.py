@@ -138,6 +138,18 @@ def test_converted_plots_have_no_bias():
     assert u.mean() == pytest.approx(11.0, abs=4 * 11 / math.sqrt(n))
 
 
+def test_false_plots_fill_a_square_that_looks_along_the_line_of_sight():
+    """Uniform along and across the line of sight, 800 m to each side: some 2,300 plots."""
+    X, half, nobody = np.array([[[30e3, 0.0, 40e3, 0.0]]] * 30), 800.0, np.zeros(1)
+    z = page.radar(X, 100.0, 1e-3, nobody, nobody, 3e-5, half, rng(3))[0] - [30e3, 40e3]
+    sides = z @ np.array([[0.6, -0.8], [0.8, 0.6]])
+    n = len(sides)
+    assert n == pytest.approx(30 * 4 * half**2 * 3e-5, abs=4 * math.sqrt(2304))
+    assert np.abs(sides).max() <= half
+    assert (sides**2).mean(axis=0) == pytest.approx(half**2 / 3, abs=4 * 0.3 * half**2 / n**0.5)
+    assert abs(np.corrcoef(sides.T)[0, 1]) < 4 / math.sqrt(n)
+
+
 def test_amplitudes_follow_their_laws():
     p = page.Scenario(p_detect=1 - 1e-12, clutter=1e-12)
     u = np.concatenate([page.simulate(p, rng(i)).u for i in range(30)])

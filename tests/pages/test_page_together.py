@@ -124,6 +124,58 @@ def test_a_loud_target_is_held_by_each():
     assert np.abs(np.array(places) - x[0, :, ::2]).max() < 0.5
 
 
+def given_to(module, name, monkeypatch, call):
+    """Positional arguments of the first call of a chapter's function."""
+    seen, function = [], getattr(module, name)
+
+    def kept(*arguments, **options):
+        seen.append((arguments, options))
+        return function(*arguments, **options)
+
+    monkeypatch.setattr(module, name, kept)
+    call()
+    return seen[0][0]
+
+
+def test_chapter_04_is_told_cells_of_one_metre_and_the_motion_of_the_others(monkeypatch):
+    x, z = scene(six.Scene(K=8, enters=0, leaves=8, snr_db=20.0))
+    plots, cfar = six.scans(z, p), six.page("track_cfar")
+    call = lambda: six.track_cfar(plots, x[0, 0], p)  # noqa: E731
+    start, rows, q = given_to(cfar, "follow", monkeypatch, call)
+    assert np.allclose(q.cell, [1.0, 1 / six.R0])
+    assert np.allclose(motion.cv(q.scan), six.LAWS[1])
+    assert np.allclose(motion.white_acceleration(q.scan, q.sigma_p**2), six.LAWS[2])
+    assert np.allclose(start.P, six.KNOWN)
+    assert np.allclose(rows[0][:, 0] - six.R0, plots[1][:, 0])
+    assert np.allclose(rows[0][:, 1] * six.R0 + 20.5, plots[1][:, 1])
+
+
+def test_chapter_05_is_told_the_amplitudes_of_the_plots_and_how_often_there_is_one(monkeypatch):
+    """An amplitude a has the mean of a^2 / 2 as its power in units of the noise."""
+    x, z = scene(six.Scene(K=8, enters=0, leaves=8, snr_db=20.0))
+    plots, lj = six.scans(z, p), six.page("ljipda_ai")
+    call = lambda: six.ljipda(plots, x[:, 0], p, ["IPDA-AI"])  # noqa: E731
+    rows, s, method = given_to(lj, "states", monkeypatch, call)
+    assert method == "IPDA-AI"
+    assert s.tau**2 / 2 == pytest.approx(six.TAU)
+    assert np.allclose(s.p_detect, np.exp(-six.TAU / (1 + p.snr)))
+    strong = [each[each[:, 2] > six.TAU] for each in plots]
+    for sent, own in zip(rows, strong, strict=True):
+        assert np.allclose(sent[:, 2] ** 2 / 2, own[:, 2])
+
+
+def test_chapter_02_sees_nothing_outside_the_frame(monkeypatch):
+    _, z = scene(LOUD)
+    mm, options = six.page("mm_pf_tbd"), {}
+    monkeypatch.setattr(mm, "recursion", lambda z, q, rng, likelihood: options.update(f=likelihood))
+    with pytest.raises(AttributeError):  # nothing comes back
+        six.multiple_model(z, p, stream("filter"))
+    S = np.array([[-50.0, 0, 20, 0], [20.0, 0, 20, 0], [20.0, 0, 20, 0]])
+    lw = options["f"](z[0].astype(float), np.array([1, 1, 0]), S, None)
+    assert lw[0] == lw[2] == 0
+    assert lw[1] != 0
+
+
 def test_chapter_03_is_told_the_frame_its_cells_and_their_time():
     q = six.radar(p, "averaged")
     assert (q.T, q.dr, q.da * six.R0) == (1.0, 1.0, 1.0)
@@ -152,6 +204,13 @@ def test_a_track_takes_the_plot_that_is_nearest_in_all():
     place = six.nearest_plots(plots, start, p)[1]
     assert 10 < place[0, 0] < 11
     assert 12 < place[1, 0] < 12.9
+
+
+@pytest.mark.parametrize(("off", "taken"), [(1.70, [0, 1]), (1.75, [0])])
+def test_a_plot_is_taken_within_a_squared_distance_of_9_2(off, taken):
+    """Its unit is KNOWN + ERROR^2 on each axis, 0.32: 1.716 cells."""
+    x, P = np.array([[0.0, 0, 0, 0], [20.0, 0, 20, 0]]), np.tile(six.KNOWN, (2, 1, 1))
+    assert six.assign(x, P, np.array([[0.0, 0], [20 + off, 20]])).tolist() == taken
 
 
 def test_a_kalman_track_has_the_covariance_of_the_textbook():
@@ -367,6 +426,7 @@ def test_the_bound_on_holding_takes_the_more_likely_of_two_turns():
 
 def test_told_starts_have_the_covariance_that_is_told():
     x = np.zeros((2, 5, 4))
+    x[:, 1:] = 100.0  # only the first state is told
     starts = [
         six.told_start(x, lambda kind, name, i=i: trials.generator(i, "together", name, 0, kind))
         for i in range(400)
