@@ -134,6 +134,7 @@ def fit(
     y = _scores(x, law, at)
     next_ones = [_correlation(y, axis) for axis in (2, 3, 1)]
     fewer = math.prod((1 - r.value) / (1 + r.value) for r in next_ones if r.value > 0)
+    fewer = max(fewer, 1 / max(n, 1))  # one independent cell at least, where frames are repeated
     slopes = [_slope(y, place, law, at.std, fewer) for place in places]
     tails = [_tail(y, q, left, known, fewer) for q in (1e-2, 1e-3)]
     found = [*_level(x, at, law, max(n * fewer, 1.0)), *slopes, *tails, *next_ones]

@@ -253,7 +253,7 @@ def readings(paper, folder=None):
         lost = [each for each in _items(it.rows) if not any(fnmatchcase(id, each) for id in ids)]
         refuted = [re.fullmatch(r"(.*?): *\S.*", each) for each in _items(it.refuted)]
         good = all(each and each[1] in options and each[1] != it.default for each in refuted)
-        near, claim = nearest(it.chapter, chapters), nearest("".join(lost[:1]), ids)
+        near, claim = nearest(it.chapter, chapters), nearest(lost[0], ids) if lost else ""
         several = len({*options}) >= max(2, len(options))
         return [
             ("chapter", it.chapter not in chapters, f"the nearest paper is {near!r}"),
@@ -713,6 +713,8 @@ def _same(claim, value, unit):
 
 def nearest(word, words, cutoff=0.0):
     """The most similar of some words, empty if none has a similarity of `cutoff`, 0 to 1."""
+    if word in words:  # at once: files of a thousand rows ask for each of them
+        return word
     return next(iter(get_close_matches(word, list(words), n=1, cutoff=cutoff)), "")
 
 

@@ -165,3 +165,12 @@ def test_three_pairs_of_cells_are_the_fewest_for_a_correlation():
     found = misfit._correlation(y, 0)
     assert found.value == pytest.approx(np.corrcoef(y[:-1, 0, 0], y[1:, 0, 0])[0, 1])
     assert np.isnan(misfit._correlation(y[:3], 0).value)
+
+
+@pytest.mark.parametrize("law", ["gaussian", "exponential"])
+def test_frames_that_are_stored_twice_are_a_correlation(law):
+    z = clean(law, (20, 30, 30))
+    found = misfit.fit(np.repeat(z, 2, axis=0), law)
+    assert found.next_frame.value == pytest.approx(1.0)
+    assert found.exceeded() == ["next_frame"]
+    assert "next_frame" in str(found)
