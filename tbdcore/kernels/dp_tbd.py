@@ -290,9 +290,7 @@ def forward(z: Frames, transition: Transition) -> Array:
     (K, X, Y), V = z.shape, highest - lowest + 1
     if K == 0 or min(X, Y) <= 2 * width:
         raise ValueError(f"forward: z: shape {z.shape} leaves no cell in a margin of {width}")
-    edge = np.ones((X, Y), bool)
-    edge[width : X - width, width : Y - width] = False
-    if not (z < np.inf).all() or (z[:, edge] > -np.inf).any():
+    if not _is_framed(z, width):
         raise ValueError("forward: z: NaN, inf, or no margin of -inf; use margin(frames, width)")
     weights = transition.weights.astype(z.dtype, copy=False)
     fits_memory("dp_tbd.forward: z, transition", K, V, V, X, Y)
@@ -304,6 +302,22 @@ def forward(z: Frames, transition: Transition) -> Array:
     else:
         _changing_forward(I, z, width, lowest, weights, prices)
     return I
+
+
+@kernel
+def _is_framed(z, width):
+    """Whether frames have -inf in their margin, and neither NaN nor inf anywhere."""
+    K, X, Y = z.shape
+    wrong = 0
+    for k in range(K):
+        for i in range(X):
+            row = z[k, i]
+            edge = width if width <= i < X - width else Y  # cells of the margin from either end
+            for j in range(Y):
+                wrong += not row[j] < np.inf
+            for j in range(edge):
+                wrong += (row[j] != -np.inf) | (row[Y - 1 - j] != -np.inf)
+    return wrong == 0
 
 
 @kernel
