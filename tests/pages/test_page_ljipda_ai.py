@@ -1216,6 +1216,42 @@ def test_what_the_text_says_of_the_start_stands_in_the_tables():
     assert min(late["IPDA-AI"], late["LJIPDA-AI"]) > 1.5 * late["JIPDA"] > 1.5 * late["JIPDA-AI"]
 
 
+def starts(table):
+    """The study of Section 5.2, of one of its tables: with the rows and columns of the page."""
+    study, page_table = studies.read("ljipda_ai_starts"), committed(table)
+    study = study[study["table"] == table]
+    assert {*study["row"]} == {*page_table.index}
+    assert {*study["column"]} == {*page_table.columns}
+    assert {*study["seed"]} == {*seeds.FIVE}
+    return study
+
+
+@pytest.mark.parametrize("scene", ["cross", "fan"])
+def test_what_the_text_says_of_amplitudes_against_clutter_holds_for_other_seeds(scene):
+    """Section 5.2."""
+    table = starts("open_scenes")
+    for aided in (name for name, (_, amplitude) in page.METHODS.items() if amplitude):
+        gap, error = seeds.lead(table, scene, "JIPDA", aided)
+        assert gap - 2.6 * error > 15
+
+
+def test_what_the_text_says_of_targets_that_start_together_holds_for_other_seeds():
+    """Section 5.2."""
+    table = starts("open_scenes")
+    for more, less in (("IPDA-AI", "JIPDA"), ("LJIPDA-AI", "JIPDA"), ("JIPDA", "JIPDA-AI")):
+        gap, error = seeds.lead(table, "common, start 5 m/s", more, less)
+        assert gap > 2.6 * error
+
+
+@pytest.mark.parametrize("name", ["IPDA-AI", "LJIPDA-AI"])
+def test_amplitudes_save_tracks_in_each_setting_with_other_seeds(name):
+    """Section 5.2."""
+    table = starts("open_settings")
+    saved = table[table["column"] == f"JIPDA less {name}"].groupby("row")
+    error = np.sqrt(saved["se"].agg(lambda se: (se**2).sum())) / saved.size()
+    assert (saved["value"].mean() > 2.6 * error).all()
+
+
 @pytest.mark.parametrize("name", ["IPDA-AI", "LJIPDA-AI"])
 def test_amplitudes_save_tracks_in_each_setting(name):
     """Section 5.2: how many is calibrated, that they do is not."""
