@@ -139,10 +139,8 @@ def noise_unit(
         advice = f"give 30 or more, all above tau = {tau:g}, none in decibels"
         raise ValueError(f"recording.noise_unit: amplitudes: {words}; {advice}")
     excess = np.median(amplitudes**2 - tau**2) / 2 / math.log(2)
-    value, error = (
-        math.sqrt(excess),
-        math.sqrt(excess) / 2 / math.log(2) / math.sqrt(len(amplitudes)),
-    )
+    value = math.sqrt(excess)
+    error = value / 2 / math.log(2) / math.sqrt(len(amplitudes))
     apart = abs(math.log(max(told, 1e-300) / max(value, 1e-300)))
     if told and apart > math.log(MOST_OFF) + 2.58 * error / max(value, 1e-300):
         words = f"the unit of the noise is {value:.3g} ± {error:.1g}, not {told:g}"

@@ -530,8 +530,9 @@ def agrees(run, share):
 
 @pytest.mark.parametrize("row", table("data | 01"), ids=lambda row: row[0])
 def test_what_is_noticed_in_frames(row):
-    for share, at in zip(row[1:], bench.SHAPES.values(), strict=True):
-        make = bench.CONDITIONS[row[0]]
+    name, share = row
+    for at in bench.SHAPES.values():
+        make = bench.CONDITIONS[name]
 
         def run(rng, make=make, at=at):
             misfit.warn_misfit(make(*at, rng), at[0])
