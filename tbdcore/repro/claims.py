@@ -713,9 +713,10 @@ def _same(claim, value, unit):
 
 def nearest(word, words, cutoff=0.0):
     """The most similar of some words, empty if none has a similarity of `cutoff`, 0 to 1."""
+    words = list(words)
     if word in words:  # at once: files of a thousand rows ask for each of them
         return word
-    return next(iter(get_close_matches(word, list(words), n=1, cutoff=cutoff)), "")
+    return next(iter(get_close_matches(word, words, n=1, cutoff=cutoff)), "")
 
 
 def verdicts(paper, folder=None):
