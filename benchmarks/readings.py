@@ -94,22 +94,24 @@ def lines(paper, id, study):
         yield paper, id, reading, row.measured, row.se, row.n, far, row.verdict, made
 
 
-def digest(paper, id, study):
-    """Short hash of what flies a row: the study, the cells of the page that it uses, what
-    these reach, the claim without its cause, its readings without words.
+def digests(paper, ids, study):
+    """For each row a short hash of what flies it: the study, the cells of the page that it uses,
+    what these reach, the claim without its cause, its readings without words.
     """
     own = [inspect.getsource(compared), Path(study.__file__).read_text(encoding="utf-8")]
     code = [*rows.sources(paper, study.USES), *pages.cells(paper, "algorithm"), *own]
-    reached = sorted(reach.of_code("\n\n\n".join(code)).items())
-    parts = [repr(reached), *claims.read(paper)[id][:-1]]
-    listed = claims.readings(paper).values()
-    parts += [repr(it._replace(words="")) for it in listed if it.touches(id)]
-    return products.digest([part.encode() for part in parts])
+    reached = repr(sorted(reach.of_code("\n\n\n".join(code)).items()))
+    published, listed, made = claims.read(paper), claims.readings(paper).values(), {}
+    for id in ids:
+        touching = [repr(it._replace(words="")) for it in listed if it.touches(id)]
+        parts = [reached, *published[id][:-1], *touching]
+        made[id] = products.digest([part.encode() for part in parts])
+    return made
 
 
-def behind(have, paper, id, study):
-    """Whether the lines of a row have another digest than what would fly it now."""
-    return {it.digest for it in have} != {digest(paper, id, study)}
+def digest(paper, id, study):
+    """The hash of what flies one row."""
+    return digests(paper, [id], study)[id]
 
 
 def stale():
@@ -118,13 +120,14 @@ def stale():
     for paper in pages.papers():
         have, study = claims.flown(paper), studies(paper)
         known = study.ROWS if study else {}
+        now = digests(paper, known, study) if study else {}
         for id in dict.fromkeys([*have, *known]):
             again = f"python -m benchmarks.readings {paper} {id}"
             if id not in known:
                 wrong.append(f"{paper} {id}: no study flies it; delete its lines from {FILE}")
             elif id not in have:
                 wrong.append(f"{paper} {id} is not flown: {again}")
-            elif behind(have[id], paper, id, study):
+            elif {it.digest for it in have[id]} != {now[id]}:
                 wrong.append(f"{paper} {id} is behind its sources: {again}")
     return wrong
 
@@ -158,9 +161,10 @@ def main(words, stamp=False):
     chosen, path, made = wanted(words), paths.claims().parent / FILE, []
     for paper in pages.papers():
         have, study = claims.flown(paper), studies(paper)
+        now = digests(paper, study.ROWS, study) if stamp and study else {}
         for id in claims.read(paper):
             named = id in chosen.get(paper, ())
-            if named and (not stamp or behind(have.get(id, ()), paper, id, study)):
+            if named and not (stamp and {it.digest for it in have.get(id, ())} == {now[id]}):
                 flown = [*lines(paper, id, study)]
                 print(*(f"{paper} {id}: {it[2]}, {it[-2]}" for it in flown), sep="\n", flush=True)
                 made += stamped(have.get(id, []), flown) if stamp else flown
