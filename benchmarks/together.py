@@ -1,6 +1,6 @@
 """Finding a target with the methods of page 06: ``.venv/bin/python -m benchmarks.together [PART]``.
 
-A part is one of the four tables; without a part all are written, which takes an hour.
+A part is one of the five tables; without a part all are written, which takes an hour.
 
 ``data/together_finding.csv``: for each method and scene the SNR at which half of the targets are
 declared at the right place, with its error, and the shares declared at each SNR.  Thresholds come
@@ -17,10 +17,15 @@ that is declared with the thresholds of ``together_finding``; its error contains
 ``data/together_noise.csv``: for some methods and two other kinds of noise, the share of steady
 targets that is declared at 5.5 dB with thresholds from noise of that kind, and the share of empty
 scenes of that kind that is declared with the thresholds of ``together_finding``, of white noise.
+
+``data/together_tracks.csv``: with five other seeds the share of empty scenes of other noise that is
+declared as above (table "noise"), the mean distance of tracks at 6 dB, in cells ("holding"), and
+the share of scenes in which both targets are kept at 12 dB ("crossing").
 """
 
 import math
 import sys
+import types
 from dataclasses import replace
 from functools import partial
 
@@ -28,6 +33,7 @@ import numpy as np
 import pandas as pd
 
 import tbdcore
+from benchmarks.rows import definitions
 from tbdcore import noise as noise_laws
 from tbdcore import recording, score
 from tbdcore.repro import paths, products, trials
@@ -43,6 +49,10 @@ NOISY = [("Tonissen", "a"), ("Tonissen", "b"), ("Tonissen", "c"), ("recursive ma
 NOISY += [("grid filter", "c"), ("averaged", "b"), ("multiple model", "c"), ("plots, IPDA", "b")]
 KINDS = ("K, shape 3", "correlated")
 NOISE_DB = 5.5  # of a steady target in other noise
+TRACKS = ("follow", "meet", "HELD", "PLAIN", "AMPLITUDES", "LIMITS")  # of the page, as its scenes:
+HELD = {"K": 15, "enters": 0, "leaves": 15, "swerling": True, "turn": 0.1}
+TWO = {"n": 64, "K": 24, "enters": 0, "leaves": 24, "swerling": True, "crossing": math.radians(40)}
+TRACKS_DB, SCENES_EACH = {"holding": 6.0, "crossing": 12.0}, 60
 
 
 def six():
@@ -218,6 +228,51 @@ def threshold_error(near, empty, rng, n=200):
     return np.std([(near > v).mean(axis=0) for v in V], axis=0)
 
 
+def track(seed, i, look, scene, what):
+    """What `look` of the page returns of scene i."""
+
+    def stream(purpose, name=""):
+        return trials.generator(seed, "together", what + name, i, purpose)
+
+    six.page = six()
+    x, z = six.page.simulate(scene, stream("truth"), stream("noise"))
+    return look(x, z, scene, six.page.Setup(), stream)
+
+
+def noise_again(seed):
+    """Rows (table, row, column, seed, value, se) of empty scenes of other noise."""
+    for kind in KINDS:
+        empty = flown(seed, 100, "finding empty", NOISY, kind)
+        share, se = score.proportion((empty > white_thresholds(NOISY)).sum(axis=0), len(empty))
+        for m, method in enumerate(NOISY):
+            yield ("noise", label(method), kind, seed, share[m], se[m])
+
+
+def tracks_again(seed, table, look, change, names):
+    """The same rows of one of the page's figures of tracks, at one SNR."""
+    scene = six().Scene(**change, snr_db=TRACKS_DB[table])
+    one = partial(track, look=look, scene=scene, what=table)
+    each = trials.run(one, SCENES_EACH, seed=seed, label=table)
+    if table == "holding":
+        each = np.minimum(each, six().NEAR).mean(axis=2)
+    se = each.std(axis=0) / math.sqrt(len(each))
+    for m, name in enumerate(names):
+        yield (table, name, f"{TRACKS_DB[table]:g} dB", seed, each[:, m].mean(), se[m])
+
+
+def tracks():
+    """The last table, with the columns of ``data/tables_seeds.csv``."""
+    page, found = types.SimpleNamespace(**definitions("together", TRACKS)), []
+    crossing = [*page.PLAIN, *page.AMPLITUDES, *page.LIMITS]
+    for seed in FIVE:
+        found += noise_again(seed)
+        found += tracks_again(seed, "holding", page.follow, HELD, page.HELD)
+        found += tracks_again(seed, "crossing", page.meet, TWO, crossing)
+    table = pd.DataFrame(found, columns=["table", "row", "column", "seed", "value", "se"])
+    table.insert(0, "paper", "together")
+    write("tracks", table, f"seeds {FIVE[0]} to {FIVE[-1]}, {SCENES_EACH} scenes of tracks")
+
+
 def file(name):
     """The file of a table."""
     return paths.claims().parent / f"together_{name}.csv"
@@ -229,7 +284,7 @@ def write(name, table, said):
     products.write(file(name).parent, {file(name).name: head.encode() + products.csv(table)})
 
 
-PARTS = {"finding": finding, "false": false, "seeds": seeds, "noise": noise}
+PARTS = {"finding": finding, "false": false, "seeds": seeds, "noise": noise, "tracks": tracks}
 
 
 def main():

@@ -10,7 +10,7 @@ from scipy.special import i0
 from scipy.stats import kstest, norm
 
 import tbdcore
-from benchmarks import together
+from benchmarks import seeds, together
 from tbdcore import baseline, motion, recording
 from tbdcore.kernels import dp_tbd
 from tbdcore.repro import pages, paths, studies, trials
@@ -174,6 +174,14 @@ def test_chapter_02_sees_nothing_outside_the_frame(monkeypatch):
     lw = options["f"](z[0].astype(float), np.array([1, 1, 0]), S, None)
     assert lw[0] == lw[2] == 0
     assert lw[1] != 0
+
+
+def test_a_loud_target_that_stands_still_is_in_the_same_cell_for_all():
+    """Once it has been there for a block of dynamic programming."""
+    still = replace(LOUD, speed=(0.0, 0.0))
+    (x,), _, place = six.search(still, p, streams(0), six.METHODS)
+    off = np.abs(place[:, 12:19] - x[12:19, ::2]).max(axis=(1, 2))
+    assert (off < 0.8).all(), np.array(six.METHODS)[off >= 0.8]
 
 
 def test_chapter_03_is_told_the_frame_its_cells_and_their_time():
@@ -596,6 +604,48 @@ def test_tracks_are_better_than_their_start_alone():
         assert top.loc[method, "y"] - top.loc["start alone", "y"] > 2.6 * error
 
 
+def tracks(table):
+    """Rows of the study of tracks with five other seeds."""
+    found = studies.read("together_tracks").query("table == @table")
+    assert {*found["seed"]} == {*together.FIVE}
+    return found
+
+
+@pytest.mark.parametrize(("name", "own"), [("held", together.HELD), ("two", together.TWO)])
+def test_the_study_of_tracks_has_the_scenes_of_the_page(name, own):
+    lines = "\n".join(pages.cells("together")).splitlines()
+    (line,) = (line for line in lines if line.startswith(f"{name} = "))
+    scene = eval(line.removeprefix(f"{name} = "), {"Scene": six.Scene, "math": math})
+    assert scene == six.Scene(**own)
+
+
+def test_what_the_text_says_of_holding_holds_for_the_first_and_five_other_seeds():
+    """Section 6: the mean distance at 6 dB."""
+    far, best = tracks("holding"), "averaged (b)"
+    drawn = committed("holding").query("panel == 1 and x == 6").set_index("series")
+    assert {*far["row"]} == {*drawn.index}
+    for other in {*drawn.index} - {best, "known path but its side"}:
+        gap, se = seeds.lead(far, "6 dB", other, best)
+        assert gap > 2.6 * se
+        assert drawn.loc[other, "y"] - drawn.loc[best, "y"] > 2.6 * drawn.loc[other, "se"]
+
+
+MORE_PAIRS = [("JIPDA", "IPDA"), ("JIPDA-AI", "LJIPDA-AI"), ("start alone", "nearest plots")]
+MORE_PAIRS += [("JIPDA-AI", "LJIPDA-AI, largest prior"), ("start alone", "track CFAR")]
+
+
+@pytest.mark.parametrize(("more", "fewer"), MORE_PAIRS)
+def test_what_the_text_says_of_crossing_holds_for_the_first_and_five_other_seeds(more, fewer):
+    """Section 6: pairs kept at 12 dB."""
+    drawn = committed("crossing").query("x == 12").drop_duplicates("series").set_index("series")
+    pairs = tracks("crossing")
+    assert {*pairs["row"]} == {*drawn.index}
+    gap, se = seeds.lead(pairs, "12 dB", more, fewer)
+    assert gap > 2.6 * se
+    error = np.hypot(*drawn.loc[[more, fewer], "se"])
+    assert drawn.loc[more, "y"] - drawn.loc[fewer, "y"] > 2.6 * error
+
+
 @every_scene
 def test_the_table_of_methods_has_the_numbers_of_the_study(scene):
     table = committed("methods").set_index("method")
@@ -613,6 +663,11 @@ def test_thresholds_of_white_noise_declare_too_much_of_other_noise():
     assert (noise["empty"] - together.SHARE > 2.6 * error).all()
     found = noise.set_index(["condition", "method"])["found"]
     assert found["K, shape 3", "multiple model (c)"] == 0
+    again = tracks("noise").groupby(["column", "row"])
+    mean, se = again["value"].mean(), again["se"].agg(lambda se: math.hypot(*se) / len(se))
+    assert set(mean.index) == set(found.index)
+    threshold = math.sqrt(0.05 * 0.95 / together.EMPTY)
+    assert (mean - together.SHARE > 2.6 * np.hypot(se, threshold)).all()
 
 
 @every_scene
