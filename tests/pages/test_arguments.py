@@ -396,6 +396,7 @@ SPECIAL = {
     MM.bernoulli: [
         ({"p": replace(MM_P, prior=MM.Prior(absent=1.0, cv=0.0, ct=0.0))}, "prior"),
         ({"p": replace(MM_P, prior=MM.Prior(Pi=((1, 0, 0), *CHAIN[1:])))}, "prior"),
+        ({"p": replace(MM_P, prior=MM.Prior(Pi=(*CHAIN[:2], (1, 0, 0))))}, "prior"),
         ({"p": replace(MM_P, M_new=0)}, "p"),
     ],
     MM.Scenario: [

@@ -33,6 +33,14 @@ def test_an_empty_scene_is_the_noise_of_its_generator(page):
     np.testing.assert_array_equal(empty, noise)
 
 
+def test_the_target_is_scaled_up_to_a_limit(page):
+    s, rng = page.Scene(frames=8), np.random.default_rng(1)
+    for fade in (1e9, -1e9):
+        assert np.isfinite(page.simulate(s, rng, fade)).all()
+        with pytest.raises(ValueError, match="fade"):
+            page.simulate(s, rng, np.nextafter(fade, 2 * fade))
+
+
 def test_the_regimes_of_the_path_are_its_legs(page):
     regimes = page.path(page.Scene())[1]
     legs = [0] * 6 + [1] * 15 + [2] * 6 + [1] * 10 + [2] * 6 + [1] * 12 + [0] * 5
