@@ -5,10 +5,15 @@ on arrival at 370 km, and the share of these that exist M frames after the targe
 there, on the paper's course.  Every cell around the target is drawn in every frame, and the page's
 rule follows the track, compiled.  A case is a law of the noise and a remedy.  20 recordings of
 20,000 cells without a target serve 200 flights each; errors are the scatter of these groups.
+
+``python -m benchmarks.track_cfar_limits seeds`` does so with five other seeds and a quarter of the
+flights, and writes ``data/track_cfar_limits_seeds.csv``; there also the proposed rule on flights of
+the page under louder noise, at the six ranges of vanishing.
 """
 
 import functools
 import math
+import sys
 from functools import partial
 
 import numpy as np
@@ -16,13 +21,16 @@ import pandas as pd
 
 import tbdcore
 from benchmarks import timing
-from tbdcore import noise, recording
+from benchmarks import track_cfar_tuned as tuned
+from benchmarks.seeds import FIVE
+from tbdcore import noise, recording, score
 from tbdcore.kernels.track_cfar import gate_polar, predict_cv, update_polar
 from tbdcore.repro import paths, products, trials
 
 page = tbdcore.page("track_cfar")
 two_plots, far = page.two_plots, page.far
 GROUPS, FLIGHTS, SEED = 20, 200, 104
+FEWER, BY_RANGE = 50, 6000  # with each other seed: flights of a recording, and of the page
 VANISH = 54  # frame in which the target vanishes, at 370 km
 ROWS, COLUMNS, SIDE, AROUND = 12, 6, 8, 32  # cells beside the target's, of a mean
 NU, CORRELATION, LOUDER = 3.0, 0.7, 10**0.1
@@ -141,9 +149,11 @@ def drawn(seed, i, law, remedy):
     return plots, np.concatenate([plots[2:, None], where], axis=1), strengths
 
 
-def flight(seed, i, law, remedy, remedies):
-    """Whether the track is alive on arrival at 370 km, and whether it exists M frames later."""
-    change, thresholds = remedies[i // FLIGHTS]
+def flight(seed, i, law, remedy, remedies, each):
+    """Whether the track is alive on arrival at 370 km, and whether it exists M frames later; `each`
+    of the remedies, one for a recording, serves as many flights.
+    """
+    change, thresholds = remedies[i // each]
     plots, where, strengths = drawn(seed, i, law, remedy)
     lived, misses = follow(plots, where, change(strengths), thresholds, page.design(P))
     return float(lived > VANISH), float(lived > VANISH and misses < P.miss_limit)
@@ -151,7 +161,7 @@ def flight(seed, i, law, remedy, remedies):
 
 def shares(alive, left):
     """Share alive and share of these that exist later, with the errors over the groups."""
-    alive, left = (x.reshape(GROUPS, FLIGHTS).mean(axis=1) for x in (alive, left))
+    alive, left = (x.reshape(GROUPS, -1).mean(axis=1) for x in (alive, left))
     ratio = left.mean() / alive.mean()
     off = (left - ratio * alive) / alive.mean()
     errors = [x.std(ddof=1) / math.sqrt(GROUPS) for x in (alive, off)]
@@ -170,24 +180,44 @@ def effective():
 P = page.Scenario()
 
 
-def main():
-    """Fly all cases, and write the file."""
-    found = []
+def cases(seed, each):
+    """Rows (condition, remedy, alive, its error, P_F, its error) of all cases with one seed."""
     for name, law, remedy in CASES:
         remedies = []
         for j in range(GROUPS):
-            rng = trials.generator(SEED, "track_cfar", f"limits, {law}", j, "filter")
+            rng = trials.generator(seed, "track_cfar", f"limits, {law}", j, "filter")
             remedies.append(threshold_of(remedy, power_of(law, (1, 200, 100), rng)[0]))
-        fly = partial(flight, law=law, remedy=remedy, remedies=remedies)
-        values = shares(*trials.run(fly, GROUPS * FLIGHTS, seed=SEED, workers=1, label=name))
-        found.append((name, remedy, *values))
+        fly = partial(flight, law=law, remedy=remedy, remedies=remedies, each=each)
+        values = shares(*trials.run(fly, GROUPS * each, seed=seed, workers=1, label=name))
         print(name, remedy, *np.round(values, 4), flush=True)
+        yield (name, remedy, *values)
+
+
+def louder(seed):
+    """The same rows of the proposed rule under louder noise, one for each range of vanishing."""
+    true, gone = page.truth(P), tuned.GONE
+    rngs = (trials.generator(seed, "track_cfar", "louder", i, "noise") for i in range(BY_RANGE))
+    scenes = [page.simulate(true, P, rng, LOUDER) for rng in rngs]
+    drawn = [np.array(part) for part in zip(*scenes, strict=True)]
+    alive, left = tuned.counts(*drawn, true, page.design(P, noise=LOUDER), gone, P.miss_limit)
+    values = zip(*score.proportion(alive, BY_RANGE), *score.proportion(left, alive), strict=True)
+    for r, row in zip(true[2:, 0][gone], values, strict=True):
+        yield (f"noise 1 dB stronger, {r / 1e3:g} km", "none", *row)
+
+
+def main():
+    """Fly all cases, and write the file."""
     columns = ["condition", "remedy", "alive", "alive_se", "P_F", "P_F_se"]
-    table = pd.DataFrame(found, columns=columns).assign(effective=effective())
-    head = "# python -m benchmarks.track_cfar_limits: 4000 flights in each case\n"
-    products.write(
-        paths.claims().parent, {"track_cfar_limits.csv": head.encode() + products.csv(table)}
-    )
+    if sys.argv[1:] == ["seeds"]:
+        found = [(seed, *row) for seed in FIVE for row in (*cases(seed, FEWER), *louder(seed))]
+        table, file = pd.DataFrame(found, columns=["seed", *columns]), "limits_seeds"
+        words = f" seeds; seeds {FIVE[0]} to {FIVE[-1]}, {GROUPS * FEWER}"
+    else:
+        table = pd.DataFrame([*cases(SEED, FLIGHTS)], columns=columns)
+        table, words, file = table.assign(effective=effective()), ": 4000", "limits"
+    head = f"# python -m benchmarks.track_cfar_limits{words} flights in each case\n"
+    content = {f"track_cfar_{file}.csv": head.encode() + products.csv(table)}
+    products.write(paths.claims().parent, content)
 
 
 if __name__ == "__main__":

@@ -1255,3 +1255,54 @@ def test_what_section_5_5_says_holds_for_other_seeds():
         assert abs(P_F[held] - 0.1) < 2.6 * se[held]
         assert P_F[missed] + 2.6 * se[missed] < 0.1
     assert (course.loc["proposed", "P_F"] - 0.1 < 2.6 * course.loc["proposed", "P_F_se"]).all()
+
+
+def test_what_section_5_6_says_of_louder_noise_holds_for_other_seeds():
+    found = pooled("track_cfar_limits_seeds", ["condition", "remedy"], ["P_F"])
+    found = found.xs("none", level="remedy")
+    kilometres = committed("noise_level")["x"].astype(float).drop_duplicates()
+    found = found.loc[[f"noise 1 dB stronger, {km:g} km" for km in kilometres]]
+    assert (found["P_F"] - 0.15 > 2.6 * found["P_F_se"]).all()
+    first, last = found.iloc[0], found.iloc[-1]
+    assert last["P_F"] - first["P_F"] > 2.6 * math.hypot(first["P_F_se"], last["P_F_se"])
+
+
+def limits_lead(measure, case, other, level=0.0):
+    """By how many errors a case of the study of limits exceeds another, or a level (None)."""
+    found = pooled("track_cfar_limits_seeds", ["condition", "remedy"], ["alive", "P_F"])
+    (a, e), (b, f) = (
+        (level, 0.0) if it is None else found.loc[it, [measure, f"{measure}_se"]]
+        for it in (case, other)
+    )
+    return (a - b) / math.hypot(e, f)
+
+
+AS_TOLD, CLOSE, FADING = ("as told", "none"), "correlated", ("fading", "none")
+REMEDIES = [("noise 1 dB stronger", "mean"), ("K", "law"), ("K", "moments")]
+
+
+@pytest.mark.parametrize(("condition", "exceeded"), [("noise 1 dB stronger", 0.15), ("K", 0.2)])
+def test_louder_noise_and_k_noise_break_the_promise_with_other_seeds(condition, exceeded):
+    """Section 5.6: as stored; for K noise Section 6 as well."""
+    assert limits_lead("P_F", (condition, "none"), None, exceeded) > 2.6
+    assert limits_lead("alive", (condition, "none"), AS_TOLD) > 2.6
+
+
+@pytest.mark.parametrize("case", REMEDIES)
+def test_a_remedy_keeps_the_promise_and_costs_tracks_with_other_seeds(case):
+    """Section 5.6: about half as many arrive."""
+    assert limits_lead("P_F", None, case, 0.1) > 0
+    alive = studies.read("track_cfar_limits_seeds").groupby(["condition", "remedy"])["alive"].mean()
+    assert 0.4 < alive[case] / alive[AS_TOLD] < 0.6
+
+
+def test_what_section_5_6_says_of_correlated_cells_and_echoes_holds_for_other_seeds():
+    assert limits_lead("P_F", None, (CLOSE, "none"), 0.1) > 2.6
+    assert limits_lead("P_F", (CLOSE, "mean"), (CLOSE, "none")) > 2.6
+    assert limits_lead("P_F", (CLOSE, "mean"), (CLOSE, "effective mean")) > 2.6
+    alive = studies.read("track_cfar_limits_seeds").groupby(["condition", "remedy"])["alive"].mean()
+    half = alive[AS_TOLD] / 2
+    assert limits_lead("alive", None, (CLOSE, "effective mean"), half) > 2.6
+    assert limits_lead("alive", AS_TOLD, FADING) > 2.6
+    for one, other in (("P_F", "alive"), REMEDIES[1:]), (("P_F",), (AS_TOLD, FADING)):
+        assert all(abs(limits_lead(measure, *other)) < 2.6 for measure in one)
