@@ -10,7 +10,6 @@ paired.
 ``data/mda_filters_plain.csv`` has a line per filter of Section 5.5 at 6 dB: frames without a target
 that are declared above one half, runs with one, OSPA declared above one half, and above the level
 that 1 % of the filter's frames without a target exceed, and the gain over the proposed filter.
-``data/mda_filters_trials.csv`` has the same two OSPA for each trial of three filters at 3, 6, 9 dB.
 ``data/mda_filters_paths.csv`` has a line per trial of Section 5.4: in how many late declared frames
 the ancestors of all survivors were looked up, which share of the target's power their cells hold,
 which was read there, and which was put out in these frames and in all.
@@ -34,7 +33,6 @@ from tbdcore.repro import paths, products, trials
 
 N, FEW, SEED, CUT, LATE = 30, 10, 20, 200.0, slice(150, None)
 ONE_AMPLITUDE = {"likelihood": "coherent", "half_r": 1, "half_a": 4}
-CHAIN = ("proposed", "averaged", "averaged, births by power")  # flown at three powers
 HEAD = f"# python -m benchmarks.mda_filters: seed {SEED}, the scenes of the page's default run\n"
 
 
@@ -112,55 +110,42 @@ def plain(page):
     return cases
 
 
-def plain_trial(name, powers, seed, i):
-    """Existence, distance, and existence without a target (powers, 3, K) of a filter."""
-    page, found = tbdcore.page("mda_tbd"), []
-    p, base = plain(page)[name], page.Scene()
+def plain_trial(name, seed, i):
+    """Existence, distance, and existence without a target (3, K) of a filter."""
+    page = tbdcore.page("mda_tbd")
+    p, scene = plain(page)[name], page.Scene()
     draws = partial(trials.generator, seed, "mda_tbd")
-    shape, hiss = (base.scans, *base.grid[4:]), draws("scenes", i, "noise")
+    shape, hiss = (scene.scans, *scene.grid[4:]), draws("scenes", i, "noise")
     noise = mda_tbd.noise_power(shape, hiss)
-    empty = mda_tbd.noise_power(shape, draws("empty", i, "noise")) * base.noise
+    empty = mda_tbd.noise_power(shape, draws("empty", i, "noise")) * scene.noise
     quiet = page.recursion(empty, p, draws("empty", i, "filter")).existence
-    for R in powers:
-        scene = replace(base, R=R)
-        z = page.simulate(scene, draws("scenes", i, "truth"), deepcopy(hiss), noise)
-        track = page.recursion(z, p, draws("scenes", i, "filter"))
-        away = np.hypot(*(track.x - page.target(base))[:, ::2].T)
-        found.append((track.existence, away, quiet))
-    return np.array(found)
+    z = page.simulate(scene, draws("scenes", i, "truth"), hiss, noise)
+    track = page.recursion(z, p, draws("scenes", i, "filter"))
+    away = np.hypot(*(track.x - page.target(scene))[:, ::2].T)
+    return np.array((track.existence, away, quiet))
 
 
-def plain_measures(name, powers, workers):
-    """For each power: OSPA above one half and above the filter's level, frames without a target
-    that are declared above one half (trials,), and whether there is one.
+def plain_measures(name, workers):
+    """OSPA above one half and above the filter's level, frames without a target that are declared
+    above one half (trials,), and whether there is one.
     """
     n = FEW if "amplitude" in name else N
     options = {"seed": SEED, "workers": workers, "label": name}
-    found = trials.run(partial(plain_trial, name, powers), n, **options)
+    found = trials.run(partial(plain_trial, name), n, **options)
     alive = slice(tbdcore.page("mda_tbd").Scene().appears - 1, None)
-    for existence, away, quiet in np.moveaxis(found[..., alive], 0, 2):
-        ospa = [
-            np.where(existence > level, np.minimum(away, CUT), CUT).mean(axis=1)
-            for level in (0.5, np.quantile(quiet, 0.99))
-        ]
-        yield *ospa, (quiet > 0.5).mean(axis=1), (quiet > 0.5).any(axis=1)
-
-
-def of_trials(name, workers):
-    """The lines of a filter at three powers."""
-    lines, powers = [], (3.0, 6.0, 9.0)
-    found = plain_measures(name, powers, workers)
-    for R, (half, strict, *_) in zip(powers, found, strict=True):
-        for i, pair in enumerate(zip(half, strict, strict=True)):
-            lines.append([name, R, i, *(float(f"{value:.6g}") for value in pair)])
-    return pd.DataFrame(lines, columns=["filter", "dB", "trial", "ospa", "ospa_strict"])
+    existence, away, quiet = np.moveaxis(found[..., alive], 0, 1)
+    ospa = [
+        np.where(existence > level, np.minimum(away, CUT), CUT).mean(axis=1)
+        for level in (0.5, np.quantile(quiet, 0.99))
+    ]
+    return *ospa, (quiet > 0.5).mean(axis=1), (quiet > 0.5).any(axis=1)
 
 
 def of_plain(workers):
     """The lines of all filters of Section 5.5 at 6 dB."""
     lines, default = [], None
     for name in plain(tbdcore.page("mda_tbd")):
-        ((half, strict, share, some),) = plain_measures(name, (6.0,), workers)
+        half, strict, share, some = plain_measures(name, workers)
         default = strict if default is None else default
         values = [share.mean(), some.mean(), half.mean(), error(half), strict.mean(), error(strict)]
         gain = default[: len(strict)] - strict
@@ -238,13 +223,6 @@ def main():
     for end, make in made.items():
         if not (folder / f"mda_filters{end and '_'}{end}.csv").is_file():
             write(end, make(workers))
-    file, have = folder / "mda_filters_trials.csv", []
-    if file.is_file():
-        have = [pd.read_csv(file, comment="#")]
-    for name in CHAIN:
-        if not any(name in set(each["filter"]) for each in have):
-            have.append(of_trials(name, workers))
-            write("trials", pd.concat(have, ignore_index=True))
 
 
 if __name__ == "__main__":

@@ -7,28 +7,15 @@ from functools import partial
 
 import numpy as np
 
-import tbdcore
-from benchmarks import mda_filters, timing
-
-NAMES = {"optimum": "told right", "optimum, told 3 dB too little": "told -3 dB"}
-NAMES |= {name: name for name in ("proposed", "mainstream", "averaged")}
-NAMES |= {
-    f"{name}, births by power": f"{NAMES[name]}, births by power"
-    for name in ("optimum", "proposed", "averaged")
-}
-
-
-def fly(page, z, p):
-    """One trial."""
-    return page.recursion(z, p, np.random.default_rng(3))
+from benchmarks import mda_tbd_methods, timing
 
 
 def main():
     """Time the methods, and write the file."""
-    page = tbdcore.page("mda_tbd")
+    page = mda_tbd_methods.page
     z = page.simulate(page.Scene(), np.random.default_rng(1), np.random.default_rng(2))
-    filters = mda_filters.plain(page)
-    trials = {name: partial(fly, page, z, filters[key]) for name, key in NAMES.items()}
+    fly = partial(mda_tbd_methods.fly, z=z, R=6.0, rng=np.random.default_rng(3))
+    trials = {name: partial(fly, [name]) for name in mda_tbd_methods.METHODS}
     timing.write_costs("mda_tbd", trials, repeat=2)
 
 
