@@ -7,7 +7,7 @@ declared at the right place, with its error, and the shares declared at each SNR
 from 1000 scenes without a target, of which each method declares 5 %.  The rows "known path" are the
 bound.
 
-``data/together_seeds.csv``, not made yet: the same SNR with five other seeds, for the bound, for
+``data/together_seeds.csv``: the same SNR with five other seeds, for the bound, for
 the methods that are within a decibel of the lowest in both scenes of ``together_finding`` and take
 less than 10 ms for a scene, and for Tonissen (a).
 
@@ -41,6 +41,7 @@ from tbdcore.repro import paths, products, trials
 SHARE, EMPTY, SEED, FIVE = 0.05, 1000, 46, range(47, 52)
 FRESH = range(47, 52)  # seeds of other empty scenes
 SNR_DB, BOUND_DB = [1.0, 2.5, 4.0, 5.5, 7.0, 9.0], [-3.0, -1.5, 0.0, 1.5]
+AGAIN_DB = [-0.5, *SNR_DB]  # so that half of few scenes lies between
 SCENES = {"steady": {}, "turning": {"swerling": True, "turn": 0.15}}
 AGAIN = [("conventional", "b"), ("conventional", "c"), ("Tonissen", "a"), ("Tonissen", "b")]
 AGAIN += [("Tonissen", "c"), ("weighted", "c"), ("price 1", "c"), ("recursive maximum", "b")]
@@ -104,18 +105,18 @@ def empty_scenes(seed, methods, kind="white"):
     return flown(seed, EMPTY, "finding empty", methods, kind)
 
 
-def targets(seed, n, methods, scene):
+def targets(seed, n, methods, scene, levels=SNR_DB):
     """Scores (SNR, n, m) near the target; the same noise and paths at each SNR."""
     change = SCENES[scene]
-    return np.array([flown(seed, n, "finding", methods, snr_db=v, **change) for v in SNR_DB])
+    return np.array([flown(seed, n, "finding", methods, snr_db=v, **change) for v in levels])
 
 
-def halves(seed, near, empty):
+def halves(seed, near, empty, levels=SNR_DB):
     """SNR (m,) with half of the targets declared, and its error."""
     rng = trials.generator(seed, "together", "resample", 0, "filter")
     V = recording.threshold(empty, SHARE).value
     page = six()
-    return page.half(SNR_DB, near, V), page.half_error(SNR_DB, near, empty, SHARE, rng), V
+    return page.half(levels, near, V), page.half_error(levels, near, empty, SHARE, rng), V
 
 
 def ratio(seed, i, change):
@@ -174,7 +175,8 @@ def again(seed, n, empty):
     """Rows (row, column, seed, value, se) of another seed: AGAIN and the bound in both scenes."""
     rows = []
     for scene in SCENES:
-        half, se, _ = halves(seed, targets(seed, n, AGAIN, scene), empty)
+        near = targets(seed, n, AGAIN, scene, AGAIN_DB)
+        half, se, _ = halves(seed, near, empty, AGAIN_DB)
         for m, method in enumerate(AGAIN):
             rows.append((label(method), scene, seed, half[m], se[m]))
         half, se, _ = bound(seed, scene, 2 * n)

@@ -575,6 +575,48 @@ def test_a_half_of_the_study_is_that_of_its_shares(scene):
         assert together.SNR_DB[above - 1] <= row["half_db"] <= together.SNR_DB[above]
 
 
+OTHERS = [together.label(method) for method in together.AGAIN]
+
+
+def test_each_fast_method_within_a_decibel_of_the_lowest_is_flown_with_other_seeds():
+    """In both scenes; fast: less than 10 ms for a scene."""
+    cost = studies.read("together_cost").set_index("method")["cpu_ms"]
+    near = {*NAMES}
+    for half in (finding(scene)["half_db"][NAMES] for scene in together.SCENES):
+        near &= {*half.index[half < half.min() + 1]}
+    assert {name for name in near if cost[name] < 10} <= {*OTHERS}
+    assert (cost[OTHERS] < 10).all()
+    assert {*studies.read("together_seeds")["row"]} == {*OTHERS, "known path"}
+
+
+LESS = [("Tonissen (b)", "Tonissen (a)", scene) for scene in together.SCENES]
+LESS += [("Tonissen (c)", "Tonissen (b)", scene) for scene in together.SCENES]
+
+
+@pytest.mark.parametrize(("lower", "higher", "scene"), LESS)
+def test_a_method_that_needs_less_does_so_with_five_other_seeds(lower, higher, scene):
+    """The sentences under the table of methods."""
+    gap, se = seeds.lead(studies.read("together_seeds"), scene, higher, lower)
+    assert gap > 2.6 * se
+    half = finding(scene)["half_db"]
+    assert half[lower] < half[higher]
+
+
+@every_scene
+@pytest.mark.parametrize("name", ["Tonissen (c)", "recursive maximum (b)"])
+def test_what_the_first_screen_names_is_within_a_decibel_of_all_with_five_other_seeds(name, scene):
+    for other in {*OTHERS} - {name}:
+        gap, se = seeds.lead(studies.read("together_seeds"), scene, name, other)
+        assert gap + 2.6 * se < 1
+
+
+@every_scene
+def test_the_bound_is_lower_than_all_with_five_other_seeds(scene):
+    for name in OTHERS:
+        gap, se = seeds.lead(studies.read("together_seeds"), scene, name, "known path")
+        assert gap - 2.6 * se > 2
+
+
 def test_the_false_share_holds_on_other_empty_scenes():
     other = studies.read("together_false")
     assert other["method"].tolist() == [together.label(it) for it in together.AGAIN]
