@@ -447,6 +447,14 @@ def test_the_bernoulli_filter_agrees_with_a_classic_one_of_many_particles(page):
     assert (gap < 5 * np.hypot(*se) + 1e-3).all()
 
 
+def test_the_chain_of_the_survivors_is_that_of_those_who_stay(page):
+    stay, appear, moving = page.conditional(page.Scenario())
+    np.testing.assert_allclose(stay, [0.1, 0.9, 0.9])
+    np.testing.assert_allclose(appear, [0.05, 0.05])
+    chain = [[1, 0, 0], [0, 8 / 9, 1 / 9], [0, 1 / 9, 8 / 9]]
+    np.testing.assert_allclose(moving.prior.Pi, chain, atol=1e-15)
+
+
 def test_births_weigh_prior_over_proposal(page):
     """Nine in ten births by the root of the ratio (10) of their cell, one in ten by the prior."""
     s, q = page.Scene(nx=6, ny=5), page.Prior(x=(0, 7), y=(0.25, 6))
