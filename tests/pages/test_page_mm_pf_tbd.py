@@ -217,6 +217,13 @@ def test_a_strong_target_is_found_at_once_and_held(page):
     assert np.nanmax(np.hypot(r.s[8:55, 0] - truth[8:55, 0], r.s[8:55, 2] - truth[8:55, 2])) < 1.0
 
 
+def test_a_target_that_never_vanishes_from_a_turn_is_taken(page, scene_frames):
+    chain = ((0.9, 0.05, 0.05), (0.1, 0.8, 0.1), (0.0, 1.0, 0.0))
+    p = page.Scenario(M=200, M_new=50, prior=replace(page.Prior(), Pi=chain))
+    found = page.bernoulli(scene_frames, p, np.random.default_rng(10))
+    assert np.isfinite(found.existence).all()
+
+
 def test_the_path_is_the_one_of_the_text(page):
     states, r = page.path(page.Scene())
     expected = {
