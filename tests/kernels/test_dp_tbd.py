@@ -274,7 +274,11 @@ def test_bad_frames_are_one_line(frames):
         dp_tbd.margin(frames, 3)
 
 
-@pytest.mark.parametrize("cell", [(0, 0, 4), (1, 16, 5), (1, 5, 0), (0, 6, 14)])
+CORNERS = [(0, 0, 4), (1, 16, 5), (1, 5, 0), (0, 6, 14)]
+EDGES = [(1, 3, 7), (1, 13, 7)]  # the rows of the margin beside the first and last cells
+
+
+@pytest.mark.parametrize("cell", [*CORNERS, *EDGES])
 def test_frames_without_their_margin_are_refused(cell):
     z = dp_tbd.margin(np.zeros((2, 9, 7)), 4)
     z[cell] = 0.0
