@@ -58,13 +58,20 @@ def _timed(function, args, calls):
     return (time.perf_counter() - start) / calls
 
 
-def cpu_ms(trial, repeat=5, least=0.02):
-    """Least CPU milliseconds of trial(), of several timings in this process, after a call that may
-    compile; a timing lasts at least `least` seconds.
+def cpu_ms(trials, repeat=5, least=0.02):
+    """Least CPU milliseconds of each of the trials, of several timings in this process, after a
+    call that may compile; a timing lasts at least `least` seconds.
+
+    Each round times all of them, so that a busy moment of the machine spoils one timing of each.
     """
-    trial()
-    calls = max(1, round(least / max(_cpu(trial, 1), 1e-9)))
-    return 1e3 * min(_cpu(trial, calls) for _ in range(repeat))
+    calls = []
+    for trial in trials:
+        trial()
+        calls.append(max(1, round(least / max(_cpu(trial, 1), 1e-9))))
+    rounds = [
+        [_cpu(trial, n) for trial, n in zip(trials, calls, strict=True)] for _ in range(repeat)
+    ]
+    return [1e3 * min(times) for times in zip(*rounds, strict=True)]
 
 
 def _cpu(trial, calls):
@@ -78,7 +85,7 @@ def write_costs(paper, trials, repeat=5):
     """Time the trials of a paper, functions without arguments by the name of their method, and
     write ``data/<paper>_cost.csv``: ``method,cpu_ms``, three digits, with the machine's name.
     """
-    times = [float(f"{cpu_ms(trial, repeat):.3g}") for trial in trials.values()]
+    times = [float(f"{it:.3g}") for it in cpu_ms([*trials.values()], repeat)]
     table = pd.DataFrame({"method": [*trials], "cpu_ms": times})
     head = f"# python -m benchmarks.{paper}_cost: one process on {machine()}, least of {repeat}\n"
     folder = paths.claims().parent

@@ -21,7 +21,7 @@ def main():
     six = page("together")
     p, (_, z) = six.Setup(), six.simulate(six.Scene(), stream("truth"), stream("noise"))
     methods = {label(it): partial(six.one_method, *it, z, p, stream) for it in six.METHODS}
-    print(timing.write_costs("together", methods))
+    print(timing.write_costs("together", methods, repeat=30))
 
 
 if __name__ == "__main__":

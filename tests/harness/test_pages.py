@@ -267,6 +267,7 @@ SHELL = "from IPython.core.interactiveshell import InteractiveShell as Shell\n" 
 )
 
 
+@pytest.mark.slow
 def test_a_kernel_of_a_cell_follows_the_kernels_that_it_calls(tmp_path):
     places = {name: str(tmp_path) for name in ("PYTHONPATH", "IPYTHONDIR", "XDG_CACHE_HOME")}
     for step, printed in (("x + 1", "3"), ("x + 10", "21")):

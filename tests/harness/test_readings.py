@@ -172,6 +172,7 @@ def two_boats():
     return types.SimpleNamespace(**rows.definitions("ljipda_ai", names))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("way", "method"),
     [

@@ -55,6 +55,7 @@ def rewrite(folder, cells):
     file.write_text(json.dumps(notebook), encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_an_innocent_change_gets_new_digests_and_nothing_else(folder):
     before, made = digests(folder), without_digests(folder)
     rewrite(folder, INNOCENT)
@@ -73,6 +74,7 @@ def test_an_innocent_change_gets_new_digests_and_nothing_else(folder):
     assert "skipped" in tiny.run(folder, "run", "--resume").stdout
 
 
+@pytest.mark.slow
 def test_a_change_of_a_number_is_refused(folder):
     rewrite(folder, {"trials": tiny.CELLS["trials"] + " * 1.001"})
     made = tiny.products(folder)
@@ -138,6 +140,7 @@ def test_whatever_a_run_makes_otherwise_is_refused(executed, tmp_path, monkeypat
     assert set(digests(folder).values()) == {"f" * 16}
 
 
+@pytest.mark.slow
 def test_a_page_that_fails_keeps_its_stamps(folder):
     rewrite(folder, {"claims": "raise RuntimeError('no')"})
     made = tiny.products(folder)

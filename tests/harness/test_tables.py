@@ -223,6 +223,7 @@ def with_seeds(made, monkeypatch):
     monkeypatch.setattr(rows, "tables", of)
 
 
+@pytest.mark.slow
 def test_the_tables_of_a_page_are_made_with_five_other_seeds(folder, monkeypatch):
     with_methods(folder)
     made = rows.tables("tiny", seed=21)

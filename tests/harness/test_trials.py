@@ -260,6 +260,7 @@ CHANGED = {
 }
 
 
+@pytest.mark.slow
 def test_workers_with_other_sources_are_refused_before_anything_starts(
     repository, scheduler, capsys
 ):
@@ -291,6 +292,7 @@ def test_a_worker_with_the_same_sources_in_another_folder_is_used(repository, sc
         assert trials.cluster(scheduler.scheduler_address, ["tiny"]) == (1, 1)
 
 
+@pytest.mark.slow
 def test_a_worker_with_an_unused_function_more_is_used(repository, scheduler):
     more = copy_of(repository, "more", "notebooks/01_tiny.ipynb", "{", "{")
     with (more / "tbdcore" / "detection.py").open("a") as module:

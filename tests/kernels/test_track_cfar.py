@@ -8,6 +8,7 @@ import pytest
 from tbdcore.kernels import track_cfar
 
 
+@pytest.mark.slow
 def test_false_plots_fire_as_independent_cells():
     """Counts over many draws: P(at least one), the mean number, and where in the gate."""
     rng, n, p = np.random.default_rng(2), 60_000, 0.3

@@ -94,6 +94,7 @@ def test_01_declares_power_without_a_target_as_often_as_was_allowed():
     assert np.mean(declared) <= 0.12, "0.05 asked; three errors of 0.022"
 
 
+@pytest.mark.slow
 def test_01_declares_nothing_in_noise_but_what_was_allowed(dp):
     declared = sum(bool(dp(block(seed)[0])) for seed in range(40))
     assert declared <= 6, "two expected of 40 at 5 %, three errors of 1.4"
@@ -207,6 +208,7 @@ def test_03(case):
         assert existence[:, 24:].min() > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("likelihood", ["cells", "averaged"])
 def test_03_a_weak_target_that_vanishes(likelihood):
     page = tbdcore.page("mda_tbd")

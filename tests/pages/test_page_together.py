@@ -397,6 +397,7 @@ def test_targets_are_in_the_middle_of_their_way_in_the_middle_of_the_frame():
     assert (np.abs(middle.mean(axis=0) - 20.5) < 2.6 * 20 / 12**0.5 / 20).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("s", [six.Scene(snr_db=1.0), six.Scene(snr_db=0.0, swerling=True)])
 def test_the_threshold_of_the_bound_from_scenes_with_a_target_holds_on_empty_scenes(s):
     n, empty = 150, replace(s, snr_db=-math.inf)
@@ -450,6 +451,7 @@ def test_the_own_plot_is_the_nearest_one_if_there_is_one():
     assert [rows.tolist() for rows in own] == [[[5.2, 5, 2]], [], []]
 
 
+@pytest.mark.slow
 def test_dynamic_programming_whose_set_is_the_known_path_reaches_the_bound():
     """Its frames are the exact log ratios, its only step is that of the target, (1, 1)."""
     s, n = six.Scene(snr_db=-1.0), 150

@@ -220,6 +220,7 @@ def test_a_scene_is_drawn_as_written(page, p):
     np.testing.assert_array_equal(scene.v, rng.random((p.frames, 2)))
 
 
+@pytest.mark.slow
 def test_false_alarms_are_those_of_every_cell(page, p):
     """On scans in which every cell is drawn `run` lives as long as the compiled flight."""
     p, n = replace(p, snr0_db=20.0, frames=40), 120
@@ -1097,6 +1098,7 @@ def test_the_studies_are_repeated_by_the_page(page, p):
         assert abs(P_F - row["P_F"]) < 4 * math.hypot(se, row["P_F_se"])
 
 
+@pytest.mark.slow
 def test_tracks_of_the_study_of_limits_are_those_of_the_page(page, p):
     exponent = np.linspace(0.0, 30.0, 6001)
     for law in ("white", "K", "correlated", "fading"):

@@ -133,6 +133,7 @@ def test_amplitudes_are_used_in_the_unit_of_their_noise(example):
         recording.noise_unit(example["raw"], example["raw"].min(), told=3.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", ["mm_pf_tbd"], indirect=True)
 def test_the_particle_filter_declares_the_target(example):
     found = example["found"]
@@ -143,6 +144,7 @@ def test_the_particle_filter_declares_the_target(example):
     assert (control > gamma).sum() == example["said"].declared
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", ["mda_tbd"], indirect=True)
 def test_the_accumulating_filter_declares_the_echo(example):
     on, r, a = example["on"], example["r"], example["a"]
@@ -179,6 +181,7 @@ def apart(x, true, t):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", ["inject"], indirect=True)
 def test_the_operating_characteristic(example):
     five, ten = (c[0].get_ydata() for c in example["plt"].gca().containers)
