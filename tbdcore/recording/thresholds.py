@@ -118,7 +118,8 @@ def threshold(
 
     peaks : (n,) largest value of each of n blocks without a target, or (n, sets)
     independent : number of blocks that do not depend on each other, if these are fewer
-    tail : "" refuses a rate below 1 / (n + 1); "gumbel" takes the law of largest values there
+    tail : "" refuses a rate below 1 / (n + 1); "gumbel" takes the law of largest values there, for
+        noise that fits: otherwise :func:`outcome` refuses it
 
     The threshold is the order statistic r = p_false (n + 1) from above.  On average it delivers
     p_false for any law of the noise (with r below 2 a tenth less, since r is interpolated, and a
@@ -255,6 +256,9 @@ def outcome(
     level : :func:`threshold` of ``peaks`` (n,)
     white : (m,) largest values of the same search in white noise
     control : (k,) largest values of the blocks of the control; all as the law of the frames
+
+    A rate below 1 / (n + 1) rests on the law of largest values.  It is refused where :func:`fit`
+    finds a fault in the noise or :func:`suspects` names a block: a heavier tail delivers more.
     """
     from scipy.stats import betabinom
 
@@ -266,10 +270,23 @@ def outcome(
     chance = float(betabinom.sf(declared - 1, len(control), r, n + 1 - r))
     faults = fit(frames, law).exceeded()
     holds = [] if faults else suspects(peaks, white).tolist()
+    _check_tail(n, p, faults, holds)
     in_white = float(threshold(white, p, tail="gumbel").value)
     used, value = float((frames == frames).mean()), float(level.value)
     counts = (declared, len(control), p * len(control), chance)
     return Outcome(used, value, in_white, *counts, holds, faults, _dark(frames, law))
+
+
+def _check_tail(n, p, faults, holds):
+    """ValueError if a rate is below what n blocks show and the law of largest values may fail."""
+    if p * (n + 1) >= 1 or not (faults or holds):
+        return
+    why = f"{len(holds)} of them seem to hold a target"
+    if faults:
+        why = f"the noise does not fit: {', '.join(faults)}"
+    least, rate = math.ceil(1 / p) - 1, math.ceil(1e4 / (n + 1)) / 1e4
+    words = f"{n} blocks cannot show {p:.2g}, and {why}; give {least} blocks, or p_false = {rate:g}"
+    raise ValueError(f"recording.outcome: level: {words} or more")
 
 
 def _dark(frames, law):

@@ -164,6 +164,52 @@ def test_a_control_that_exceeds_its_promise_is_said():
     assert ["more than promised" in str(found) for found in (more, few)] == [True, False]
 
 
+def beyond(z, seed=3, times=10):
+    """The outcome at a rate so many times below what the blocks show, by the law of the tail."""
+    cut = recording.windows(z, 5, (10, 8))
+    peaks, white = largest(cut.blocks), largest(noise.gaussian((200, 5, 10, 8), rng(seed)))
+    own = peaks[~cut.control]
+    level = recording.threshold(own, 1 / times / (len(own) + 1), tail="gumbel")
+    return recording.outcome(z, level, own, white, peaks[cut.control])
+
+
+def bright(share):
+    """Frames of white noise with a target of 8 standard deviations in a share of the windows."""
+    z = noise.gaussian((20, 40, 32), rng(1))
+    z[2::5, 5::10, 4::8] += 8.0 * (rng(2).random((4, 4, 4)) < share)
+    return z
+
+
+HEAVY = [
+    (lambda: rng().standard_t(5, (20, 40, 32)) * 0.6**0.5, "the noise does not fit: .*tail_1e3"),
+    (lambda: bright(0.2), "of them seem to hold a target"),
+]
+
+
+@pytest.mark.parametrize(("make", "why"), HEAVY, ids=["tail", "targets"])
+def test_a_rate_beyond_the_blocks_is_refused_where_its_law_may_fail(make, why):
+    with pytest.raises(ValueError, match=f"outcome: level: 32 blocks cannot show .*{why}") as said:
+        beyond(make())
+    assert "give 329 blocks, or p_false = 0.0304 or more" in str(said.value)
+    assert beyond(make(), times=1).chance > 0.01
+    assert beyond(noise.gaussian((20, 40, 32), rng())).promised == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_rate_beyond_the_blocks_that_is_not_refused_is_kept():
+    """White noise, and noise whose level differs from place to place by less than is found."""
+    promised = declared = refused = 0
+    for seed in range(200):
+        level = np.exp(0.05 * rng(seed).standard_normal((4, 4))).repeat(10, 0).repeat(8, 1)
+        try:
+            found = beyond((level if seed % 2 else 1.0) * noise.gaussian((20, 40, 32), rng(seed)))
+        except ValueError:
+            refused += 1
+        else:
+            promised, declared = promised + found.promised, declared + found.declared
+    assert refused < 20
+    assert declared <= promised + 2 * promised**0.5
+
+
 def test_targets_in_all_blocks_are_named():
     """A target of six standard deviations in each frame of white noise."""
     z = noise.gaussian((50, 60, 60), rng())
