@@ -227,18 +227,21 @@ class Outcome(NamedTuple):
         return self.chance < SURE
 
     def __str__(self):
-        line = f"{self.used:.0%} of the cells used; threshold {self.threshold:.4g}, in white noise "
-        line += f"{self.white:.4g}; control: {self.declared} of {self.blocks} declared, "
-        line += f"{self.promised:.2g} promised (so many by chance: {self.chance:.2g})"
-        if self.exceeds:
-            line += ": more than promised"
-        if self.faults:
-            line += f"; the noise does not fit: {', '.join(self.faults)}"
-        if self.holds:
-            line += f"; blocks that seem to hold a target: {', '.join(map(str, self.holds))}"
+        level = f"threshold {self.threshold:.4g}, in white noise {self.white:.4g}"
+        control = f"control: {self.declared} of {self.blocks} declared, "
+        control += f"{self.promised:.2g} promised (so many by chance: {self.chance:.2g})"
+        control += ": more than promised" * self.exceeds
+        parts = [f"{self.used:.0%} of the cells used", level, control]
+        parts += _doubts(self.faults, self.holds)
         if self.dark == self.dark:
-            line += f"; dark places, down to {self.dark:.3g}: for dark targets give -frames"
-        return line
+            parts += [f"dark places, down to {self.dark:.3g}: for dark targets give -frames"]
+        return "; ".join(parts)
+
+
+def _doubts(faults, holds):
+    """What speaks against the law of the noise, in words."""
+    words = {"the noise does not fit": faults, "blocks that seem to hold a target": holds}
+    return [f"{said}: {', '.join(map(str, of))}" for said, of in words.items() if of]
 
 
 @checked
@@ -270,23 +273,19 @@ def outcome(
     chance = float(betabinom.sf(declared - 1, len(control), r, n + 1 - r))
     faults = fit(frames, law).exceeded()
     holds = [] if faults else suspects(peaks, white).tolist()
-    _check_tail(n, p, faults, holds)
+    _check_tail(n, p, _doubts(faults, holds))
     in_white = float(threshold(white, p, tail="gumbel").value)
     used, value = float((frames == frames).mean()), float(level.value)
     counts = (declared, len(control), p * len(control), chance)
     return Outcome(used, value, in_white, *counts, holds, faults, _dark(frames, law))
 
 
-def _check_tail(n, p, faults, holds):
+def _check_tail(n, p, doubts):
     """ValueError if a rate is below what n blocks show and the law of largest values may fail."""
-    if p * (n + 1) >= 1 or not (faults or holds):
-        return
-    why = f"{len(holds)} of them seem to hold a target"
-    if faults:
-        why = f"the noise does not fit: {', '.join(faults)}"
-    least, rate = math.ceil(1 / p) - 1, math.ceil(1e4 / (n + 1)) / 1e4
-    words = f"{n} blocks cannot show {p:.2g}, and {why}; give {least} blocks, or p_false = {rate:g}"
-    raise ValueError(f"recording.outcome: level: {words} or more")
+    if p * (n + 1) < 1 and doubts:
+        least, rate = math.ceil(1 / p) - 1, math.ceil(1e4 / (n + 1)) / 1e4
+        words = f"{n} blocks cannot show {p:.2g}; {doubts[0]}; give {least} blocks"
+        raise ValueError(f"recording.outcome: level: {words}, or p_false = {rate:g} or more")
 
 
 def _dark(frames, law):
