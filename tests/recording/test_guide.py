@@ -111,6 +111,27 @@ def test_dynamic_programming_finds_the_path(example, capsys):
     assert str(example["said"]) in TEXT
 
 
+def test_without_a_target_the_example_of_frames_keeps_its_promise(tmp_path, monkeypatch):
+    """12 recordings, of which one may be refused: 5 % of their searches, windows as promised."""
+    (tmp_path / "build").mkdir()
+    searches, declared, promised = [], 0, 0.0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        scene = 100 + np.linspace(0, 60, 40)[:, None] + 9 * rng.random((40, 32))
+        frames = scene + 20 * noise.gaussian((1060, 40, 32), rng)
+        np.savez(tmp_path / "build" / "counts.npz", frames=frames, path=np.zeros((60, 2)))
+        try:
+            names = executed("dp_tbd", tmp_path, monkeypatch)
+        except ValueError:
+            continue
+        names["plt"].close("all")
+        searches += map(bool, names["found"])
+        declared, promised = declared + names["said"].declared, promised + names["said"].promised
+    assert len(searches) >= 66
+    assert sum(searches) <= 0.05 * len(searches) + 2 * (0.05 * len(searches)) ** 0.5
+    assert declared <= promised + 2 * promised**0.5
+
+
 @pytest.mark.parametrize("scene", [2, 17])
 def test_both_boats_of_the_harbour_are_followed(scene, monkeypatch, capsys):
     monkeypatch.chdir(paths.root())
