@@ -85,9 +85,23 @@ def test_errors_may_be_five_times_as_large_as_the_plots_show(share, named):
 
 
 @pytest.mark.parametrize(
-    ("clutter", "gated", "said"), [(10, 47, False), (10, 48, True), (90, 13, False), (90, 12, True)]
+    ("clutter", "gated", "spread", "said"),
+    [
+        (10, 47, 0, False),
+        (10, 48, 0, True),
+        (90, 13, 0, False),
+        (90, 12, 0, True),
+        (10, 61, 90, False),
+        (10, 62, 90, True),
+        (90, 0, 90, False),
+        (90, 0, 60, True),
+    ],
 )
-def test_a_density_is_named_beyond_its_factor_its_chance_and_three_plots(clutter, gated, said):
-    """Thirty plots are a third, or three times, of what was told: 2.6 sqrt(30) + 3 = 17.2 away."""
-    total = ljipda_ai.Seen(None, gated, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+def test_a_density_is_named_beyond_its_factor_its_chance_and_three_plots(
+    clutter, gated, spread, said
+):
+    """Thirty plots are a third, or three times, of what was told: 2.6 sqrt(30) + 3 = 17.2 away;
+    detections that may be ninety more or fewer by chance make it 2.6 sqrt(120) + 3 = 31.5.
+    """
+    total = ljipda_ai.Seen(None, gated, 0.0, spread, 1.0, 1.0, 0.0, 0.0, 0.0)
     assert (ljipda_ai._other_density(total, clutter) is not None) == said

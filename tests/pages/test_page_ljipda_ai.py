@@ -771,10 +771,10 @@ def test_a_law_of_ones_own_takes_the_place_of_the_level():
         found = page.run(SCANS, replace(SETUP, law=own, **bare), method="LM-AI")
         np.testing.assert_allclose(found.x, known.x, rtol=1e-9)
     levels, a = np.array([3.0, 30.0, 300.0]), np.array([2.8, 4.0, 30.0])
-    ratio = np.mean(
-        np.exp(levels / (1 + levels) * (a[:, None] ** 2 - 2.8**2) / 2) / (1 + levels), axis=1
-    )
-    np.testing.assert_allclose(page.averaged(levels, 2.8)(a), np.log(ratio), rtol=1e-12)
+    for tau in (2.8, 0.5, 0.0):
+        excess = (a[:, None] ** 2 - tau**2) / 2
+        ratio = np.mean(np.exp(levels / (1 + levels) * excess) / (1 + levels), axis=1)
+        np.testing.assert_allclose(page.averaged(levels, tau)(a), np.log(ratio), rtol=1e-12)
     found = page.run(SCANS, replace(SETUP, law=page.averaged(levels, 2.8), **bare), method="LM-AI")
     assert np.linalg.norm(found.x[-1, :, ::2] - TRUTH[-1], axis=-1).max() < 25
 

@@ -176,6 +176,24 @@ def test_chapter_02_sees_nothing_outside_the_frame(monkeypatch):
     assert lw[1] != 0
 
 
+def test_chapter_02_is_told_the_level_the_echo_and_the_particles(monkeypatch):
+    """The ratio of exponentials of means 1 + s and 1, s = snr h^2, in the 25 cells around."""
+    _, z = scene(LOUD)
+    mm, told = six.page("mm_pf_tbd"), {}
+    monkeypatch.setattr(
+        mm, "recursion", lambda z, q, rng, likelihood: told.update(q=q, f=likelihood)
+    )
+    with pytest.raises(AttributeError):
+        six.multiple_model(z, p, stream("filter"))
+    assert (told["q"].M, told["q"].M_new) == (2 * p.N, 2 * p.births)
+    frame, at = z[9].astype(float), np.array([20.3, 17.8])
+    lw = told["f"](frame, np.array([1]), np.array([[at[0], 0, at[1], 0]]), None)
+    i, j = (np.rint(at)[:, None] + np.arange(-2, 3)).astype(int)
+    s = p.snr * np.exp(-np.add.outer((i - at[0]) ** 2, (j - at[1]) ** 2) / p.blur**2)
+    cells = frame[np.ix_(i - 1, j - 1)]
+    assert lw[0] == pytest.approx((cells * s / (1 + s) - np.log1p(s)).sum())
+
+
 def test_a_loud_target_that_stands_still_is_in_the_same_cell_for_all():
     """Once it has been there for a block of dynamic programming."""
     still = replace(LOUD, speed=(0.0, 0.0))
@@ -189,6 +207,7 @@ def test_chapter_03_is_told_the_frame_its_cells_and_their_time():
     assert (q.T, q.dr, q.da * six.R0) == (1.0, 1.0, 1.0)
     assert np.allclose([q.r_min - six.R0, q.r_max - six.R0], [0.5, p.n + 0.5])
     assert np.allclose([q.a_min * six.R0, q.a_max * six.R0], [-p.n / 2, p.n / 2])
+    assert (q.accel * q.T) ** 2 == pytest.approx(six.LAWS[2][1, 1])  # of a velocity in a frame
 
 
 def one_cell(powers):
@@ -327,6 +346,8 @@ def test_tracks_near_a_better_one_and_improbable_ones_are_dropped():
     x = np.array([[10.0, 0, 10, 0], [11.0, 0, 10, 0], [20.0, 0, 10, 0], [30.0, 0, 30, 0]])
     assert six.apart(x, np.array([0.5, 0.9, 0.3, 0.01])) == [1, 2]
     assert six.apart(x, np.array([0.9, 0.5, 0.3, 0.1]), most=3) == [0, 2]
+    x[1, 0] = 11.5  # the distance from which on a track stays, and the existence that is too small
+    assert six.apart(x, np.array([0.5, 0.9, 0.02, 0.021])) == [1, 0, 3]
 
 
 @pytest.mark.parametrize("level", "abc")
@@ -431,6 +452,13 @@ def test_the_bound_on_holding_takes_the_more_likely_of_two_turns():
     mirrored = np.array([motion.coordinated_turn(-w, 1.0) @ x[0] for w in (s.turn, -s.turn)])
     none = six.known_turn(np.zeros_like(z), x, s)
     assert np.isin(none[1].round(9), mirrored[:, ::2].round(9)).all()
+
+
+def test_the_bound_on_holding_knows_the_snr(monkeypatch):
+    s = six.Scene(K=8, enters=0, leaves=8, swerling=True, turn=0.1, snr_db=30.0)
+    (x,), z = scene(s)
+    given = given_to(six, "fading", monkeypatch, lambda: six.known_turn(z, x, s))
+    assert given[3] == pytest.approx(1000.0)
 
 
 def test_told_starts_have_the_covariance_that_is_told():

@@ -2,6 +2,7 @@
 its own: enumeration, formulas typed once more, every cell drawn.
 """
 
+import functools
 import itertools
 import math
 from dataclasses import replace
@@ -15,6 +16,7 @@ import tbdcore
 from benchmarks import seeds
 from benchmarks import track_cfar_elsewhere as elsewhere
 from benchmarks import track_cfar_limits as study_limits
+from benchmarks import track_cfar_methods as study_methods
 from tbdcore import detection, kalman, score, state
 from tbdcore.kernels import track_cfar
 from tbdcore.recording import misfit
@@ -1098,6 +1100,78 @@ def test_the_studies_are_repeated_by_the_page(page, p):
         assert abs(P_F - row["P_F"]) < 4 * math.hypot(se, row["P_F_se"])
 
 
+def test_flights_of_the_study_of_methods_are_those_of_the_page(page, p):
+    """Deaths, hits and deaths without a target, and what the study counts of them."""
+    names, z, gone, n = ["proposed", *PLAIN], page.truth(p), study_methods.GONE, 12
+    loud = 10**0.05
+    died, hit, ends = study_methods.fly(n, 20, "noise", names, loud)
+    for i in range(n):
+        rng = trials.generator(20, "track_cfar", "noise", i, "noise")
+        scene = page.simulate(z, p, rng, loud)
+        for j, name in enumerate(names):
+            d = elsewhere.designs(p)[name]._replace(noise=loud)
+            alone = page.fly(scene, z, d)
+            assert died[i, j] == alone[0]
+            np.testing.assert_array_equal(hit[i, j], alone[1])
+            assert list(ends[i, j]) == [page.fly(scene, z, d, v)[0] for v in gone]
+    assert 0 < hit.mean() < 1
+    lines = [*study_methods.delivered(0.5, names, ends)]
+    assert len(lines) == len(names) * len(gone)
+    for line, (j, v) in zip(lines, itertools.product(range(3), gone), strict=True):
+        alive = sum(died[:, j] >= v)
+        left = sum(end >= v + 3 for end in ends[:, j, list(gone).index(v)])
+        assert line == (names[j], 0.5, 100.0 + 5 * v, n, alive, left)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("dB", "experiment"), [(0.0, "methods"), (1.0, "noise")])
+def test_the_study_of_methods_is_repeated(dB, experiment):
+    """The first flights of the study against its file."""
+    counted = studies.read("track_cfar_delivered").query("noise_dB == @dB")
+    known = counted.set_index(["method", "km"])
+    names, n = [*dict.fromkeys(counted["method"])], 800
+    ends = study_methods.fly(n, study_methods.SEED, experiment, names, 10 ** (dB / 10))[2]
+    for name, _, km, *own in study_methods.delivered(dB, names, ends):
+        flights, *theirs = known.loc[(name, km), ["flights", "alive", "exist"]]
+        shares = [score.proportion(*pair) for pair in ((own[1], n), (theirs[0], flights))]
+        shares += [score.proportion(*pair) for pair in ((own[2], own[1]), (theirs[1], theirs[0]))]
+        for (a, e), (b, f) in (shares[:2], shares[2:]):
+            assert math.isnan(a) or abs(a - b) < 4 * math.hypot(e, f)
+
+
+def test_measures_of_the_study_of_methods_by_hand(p):
+    """Flights of which a share of 0.75 dies at frame 30 and all at frame 60, all hit until then."""
+    n, K = 400, p.frames
+    died = np.repeat(np.where(np.arange(n) < 300, 30, 60)[:, None], 5, axis=1)
+    hit = (np.arange(K) < died[:, :, None]).astype(np.uint8)
+    gone, j = study_methods.GONE, np.arange(5)[:, None]  # method j: j frames without the target
+    ends = np.where(died[:, :, None] >= gone, gone + j, died[:, :, None])
+    found = study_methods.measures(died, hit, ends)
+    # the share alive falls from 1 in frame 30 to 1/4 in frame 31; two thirds of the way is 1/2
+    np.testing.assert_allclose(found["range (km)"][0], 100 + 5 * (30 + 2 / 3))
+    S_dB = 30 - 40 * np.log10(1 + 0.05 * np.arange(K))
+    np.testing.assert_allclose(found["SNR (dB)"][0], S_dB[29] + (S_dB[30] - S_dB[29]) * 2 / 3)
+    np.testing.assert_allclose(found["life (frames)"][0], 37.5)
+    np.testing.assert_allclose(found["life (frames)"][1], 30 * math.sqrt(0.1875 / 399))
+    assert list(found["largest P_F"][0]) == [0, 0, 0, 1, 1]
+    # the share in frame 31 has the error of 1/4 of 400, over its slope of 3/4 in 5 km, times 2/3
+    shift = math.sqrt(0.1875 / n) * 2 / 3 / 0.75 * 5
+    np.testing.assert_allclose(found["range (km)"][1], shift)
+
+
+def test_errors_of_tuned_rules_contain_that_of_their_tuning(p):
+    """By the slope between the search threshold and the constant, for an error of ln P_f."""
+    tuned = studies.read("track_cfar_tuned").query("km == 370").set_index("method")
+    at = np.array([200.0, 0.0, 0.0, 300.0, 0.0])
+    constant = tuned.loc[PLAIN[0], "probability"]
+    slope = 100.0 / math.log(constant / p.cell_pfa)
+    errors = study_methods.tuning()[:, 4]
+    assert (errors[:2] == 0).all()
+    assert list(errors[2:]) == list(tuned.loc[[TUNED, *PLAIN], "P_F_se"])
+    both = study_methods.with_tuning(at, np.full(5, 3.0), errors)
+    np.testing.assert_allclose(both, np.sqrt(9.0 + (slope * errors / 0.1) ** 2))
+
+
 @pytest.mark.slow
 def test_tracks_of_the_study_of_limits_are_those_of_the_page(page, p):
     exponent = np.linspace(0.0, 30.0, 6001)
@@ -1187,11 +1261,22 @@ def test_the_table_of_limits_says_what_section_5_6_says():
 # The same for five other seeds --------------------------------------------------------------------
 
 
+@functools.cache
+def methods_of_seeds():
+    """The study of methods with five other seeds, a row for each number."""
+    found = []
+    for seed, part in studies.read("track_cfar_methods").query("seed != 20").groupby("seed"):
+        text = part.drop(columns=["seed", "flights"]).to_csv(index=False)
+        found += seeds.numbers("track_cfar", "methods", seed, text)
+    return pd.DataFrame(found, columns=seeds.TABLE_COLUMNS)
+
+
 def gap_of(column, row, other):
     """By how much a row of the table of methods exceeds another, and its error; with that of the
     tuning, which all seeds share and which is within the errors of the committed table.
     """
-    table = seeds.read_tables().query("paper == 'track_cfar' and table == 'methods'")
+    table = methods_of_seeds()
+    assert set(table["seed"]) == set(seeds.FIVE)
     value, error = seeds.lead(table, column, row, other)
     return value, math.hypot(
         error, *committed("methods").set_index("method").loc[[row, other], f"{column}_se"]
@@ -1214,7 +1299,7 @@ def test_what_else_section_5_4_says_of_the_rules_holds_for_other_seeds():
         all_of_it, _ = gap_of(column, "proposed", "traditional")
         for rule in ("proposed", TUNED, *PLAIN):
             assert gap_of(column, rule, "traditional")[0] / all_of_it > 0.8
-    table = seeds.read_tables().query("paper == 'track_cfar' and column == 'largest P_F'")
+    table = methods_of_seeds().query("column == 'largest P_F'")
     every = table.groupby("row")[["value", "se"]].mean()
     assert set(every.index) >= {"proposed", TUNED, *PLAIN}
     assert (every["value"] - 0.1 < 2.6 * every["se"]).all()
