@@ -46,7 +46,7 @@ def single(paper, ids):
     for seed in SEEDS:
         table = pd.DataFrame(rows.verdicts(paper, ids, seed=seed).values()).astype(str)
         found.append(table.rename(columns={"id": "claim"}).assign(value=str(seed)))
-        print(seed, *table["verdict"], flush=True)
+        print(seed, *table["measured"], *table["verdict"], flush=True)
     return pd.concat(found, ignore_index=True)
 
 
