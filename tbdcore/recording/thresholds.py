@@ -262,6 +262,8 @@ def outcome(
 
     A rate below 1 / (n + 1) rests on the law of largest values.  It is refused where :func:`fit`
     finds a fault in the noise or :func:`suspects` names a block: a heavier tail delivers more.
+    What is not found delivers up to 1.6 of the rate: a Student's law of 15 degrees, of which four
+    in five recordings are refused.
     """
     from scipy.stats import betabinom
 
