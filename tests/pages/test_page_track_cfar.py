@@ -1123,7 +1123,6 @@ def test_flights_of_the_study_of_methods_are_those_of_the_page(page, p):
         assert line == (names[j], 0.5, 100.0 + 5 * v, n, alive, left)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("dB", "experiment"), [(0.0, "methods"), (1.0, "noise")])
 def test_the_study_of_methods_is_repeated(dB, experiment):
     """The first flights of the study against its file."""
