@@ -870,17 +870,61 @@ def test_a_cell_contradicts_the_prior_in_units_of_the_noise(share):
         page.step(page.start(p, rng(93)), z[1], p, rng(93))
 
 
-@pytest.mark.parametrize("way", ["available", "letter"])
-def test_the_study_of_the_readings_flew_the_scenes_of_the_page(way):
-    """Trial 0 of the page at 6 dB again, by the page's functions alone."""
-    told, rows = page.Filter(reading=way), studies.read("mda_tbd_readings_trials")
+@pytest.mark.parametrize(
+    ("way", "row", "R", "R_T"),
+    [
+        ("available", "t2.4", 6.0, 0.0),
+        ("letter", "t2.4", 6.0, 0.0),
+        ("per-sample", "t6.4", 9.0, 4.0),
+        ("least-squares", "t6.1", 9.0, 1.0),
+    ],
+)
+def test_the_study_of_the_readings_flew_the_scenes_of_the_page(way, row, R, R_T):
+    """Trial 0 of the page again, by the page's functions alone."""
+    told, scene = page.Filter(reading=way, R=R, R_T=R_T), page.Scene(R=R)
+    rows = studies.read("mda_tbd_readings_trials")
     draws = [
         trials.generator(20, "mda_tbd", "scenes", 0, it) for it in ("truth", "noise", "filter")
     ]
-    z = page.simulate(page.Scene(), *draws[:2])
-    bias = page.recursion(z, told, draws[2]).P[14:].mean() - page.Scene().P_tar
-    it = rows[(rows["reading"] == way) & (rows["row"] == "t2.4") & (rows["trial"] == 0)]
+    z = page.simulate(scene, *draws[:2])
+    bias = page.recursion(z, told, draws[2]).P[14:].mean() - scene.P_tar
+    it = rows[(rows["reading"] == way) & (rows["row"] == row) & (rows["trial"] == 0)]
     assert it["bias"].item() == pytest.approx(bias, rel=1e-4)
+
+
+@pytest.mark.parametrize("way", page.WAYS)
+def test_under_each_reading_the_error_at_12_dB_is_larger_than_at_6_dB(way):
+    mapped = studies.read("mda_map")
+    mapped = mapped[mapped["common"] & (mapped["q"] == 0.3) & (mapped["half_r"] == 2)]
+    rows = pd.concat([studies.read("mda_tbd_readings"), mapped]).drop_duplicates(["reading", "row"])
+    rows = rows[rows["reading"] == way].set_index("row")
+    low, high = rows.loc["t2.4"], rows.loc["t4.1"]
+    error = math.hypot(low["bias_se"], high["bias_se"])
+    assert abs(high["bias"]) - abs(low["bias"]) > 2.6 * error
+
+
+MET = {  # printed errors within 2.6 standard errors, by reading: the sentences of Appendix D.2
+    "own-cell": set(),
+    "available": {"t2.4"},
+    "strict": set(),
+    "per-sample": {"t6.4"},
+    "least-squares": {"t6.1"},
+    "letter": set(),
+}
+
+
+@pytest.mark.parametrize("way", page.WAYS)
+def test_the_page_names_the_errors_that_a_reading_meets(way):
+    table = pd.read_csv(paths.products() / "mda_tbd" / "open_readings.csv", index_col="row")
+    cells = table[way].drop("met")
+    met = {
+        row.split(",")[0]
+        for row, it in cells.items()
+        if float(it.split("(")[1].split(")")[0]) <= 2.6
+    }
+    assert {row.removesuffix(".rp") for row in met if row.endswith(".rp")} == MET[way]
+    if way in ("own-cell", "letter"):
+        assert len([row for row in met if row.endswith(".ospa")]) == 5
 
 
 def test_the_ratios_of_all_cells_are_those_of_the_plain_loop():
