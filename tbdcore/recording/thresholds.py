@@ -137,13 +137,18 @@ def threshold(
     if not 1 <= used <= n or peaks.ndim > 2:
         words = f"shape {peaks.shape}; give the largest value of each block"
         raise ValueError(f"recording.threshold: peaks: {words}")
-    if p_false * (n + 1) < 1:
+    if not _shows(n, p_false):
         return _gumbel(peaks, p_false, used, tail)
     rank = np.clip((1 - p_false) * (n + 1) - 1, 0, n - 1)
     value = np.quantile(peaks, rank / max(n - 1, 1), axis=0)
     r = p_false * (used + 1)
     low, high = betaincinv(r, used + 1 - r, [0.025, 0.975]).tolist()
     return Threshold(value, low, high, p_false)
+
+
+def _shows(n, p):
+    """Whether n blocks show a rate: p >= 1 / (n + 1), for which 1 / 49 may stand, rounded."""
+    return p * (n + 1) > 1 - 1e-9
 
 
 def _gumbel(peaks, p_false, n, tail):
@@ -284,7 +289,7 @@ def outcome(
 
 def _check_tail(n, p, doubts):
     """ValueError if a rate is below what n blocks show and the law of largest values may fail."""
-    if p * (n + 1) < 1 and doubts:
+    if not _shows(n, p) and doubts:
         least, rate = math.ceil(1 / p) - 1, math.ceil(1e4 / (n + 1)) / 1e4
         words = f"{n} blocks cannot show {p:.2g}; {doubts[0]}; give {least} blocks"
         raise ValueError(f"recording.outcome: level: {words}, or p_false = {rate:g} or more")

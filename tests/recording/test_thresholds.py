@@ -195,6 +195,13 @@ def test_a_rate_beyond_the_blocks_is_refused_where_its_law_may_fail(make, why):
     assert beyond(noise.gaussian((20, 40, 32), rng())).promised == pytest.approx(0.1, rel=0.05)
 
 
+@pytest.mark.parametrize("n", [19, 48, 97, 102])
+def test_n_blocks_show_one_in_n_and_one(n):
+    """The smallest rate, written as a user does: for some n it is rounded down."""
+    level = recording.threshold(np.arange(n) + 1.0, 1 / (n + 1))
+    assert level.value == n
+
+
 def test_a_rate_beyond_the_blocks_that_is_not_refused_is_kept():
     """White noise, and noise whose level differs from place to place by less than is found."""
     promised = declared = refused = 0
