@@ -107,6 +107,14 @@ def test_particles_of_one_cell_have_the_bits_that_they_have_alone(shape, spread)
     np.testing.assert_allclose(together[few], spec, rtol=1e-9, atol=1e-9)
 
 
+def test_groups_are_the_cells_with_eight_particles_or_more():
+    counts = [4, 7, 8, 9, 20]  # in no cell, and in four cells
+    cell = np.random.default_rng(9).permutation(np.repeat([-1, 0, 2, 3, 5], counts))
+    order, begins = mda_tbd._by_cell(cell, 7)
+    groups = [order[a:b].tolist() for a, b in itertools.pairwise(begins)]
+    assert groups == [np.flatnonzero(cell == c).tolist() for c in (2, 3, 5)]
+
+
 def test_what_is_not_finite_stays_with_its_particle():
     """An intensity at the limit does not change the ratios of other particles in the cell."""
     rng = np.random.default_rng(8)
