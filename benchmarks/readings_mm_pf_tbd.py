@@ -15,10 +15,11 @@ from tbdcore.repro import claims
 USES = ("Outcome", "prior", "classic", "improved", "present", "regime")
 USES += ("mended", "monte_carlo", "declared_share", "correct", "scored", "per_run")
 USES += ("output_rmse", "seeded", "never_reset")
-USES += ("straight", "fades", "losses")
+USES += ("straight", "fades", "losses", "blank", "saved_after", "last_frame")
 SPREADS = {"half a cell": (0.5, 0.3), "one cell": (1.0, 0.6)}  # cells, cells per second
 RUNS = 150  # of each filter
 COPIES = 200  # runs of abs.cause
+GAPS = 400  # runs with a blanked frame
 PLACED = 100  # runs of each filter that starts at the target
 LEDGER = claims.Ledger("mm_pf_tbd", strict=False)
 PAGE = []  # the page's names, for the flights that rows share
@@ -91,11 +92,32 @@ def unavoidable(reading):
     return level - unreset(own(reading))[:, int(frame) - 1]
 
 
+def waste(reading):
+    """Margin of s0.degeneracy.waste, for each run."""
+    level, frame = (LEDGER.number("s0.degeneracy.waste", it) for it in ("level", "frame"))
+    return 1 - unreset(own(reading))[:, int(frame) - 1] - level
+
+
 def relieves(reading):
     """Margin of s0.resampling.relieves, for each run."""
     p = own(reading)
     gain = np.log10(flown(p).n_eff[:, 0] / p.M / unreset(p))
     return gain[:, PAGE[0].present].mean(axis=1) - LEDGER.number("s0.resampling.relieves", "level")
+
+
+@functools.cache
+def blanked(p):
+    """The runs of one filter that starts at the target, which is blanked in one frame."""
+    page = PAGE[0]
+    return page.monte_carlo([p], GAPS, page.last_frame, method=page.seeded, fade=page.blank)
+
+
+def mitigated(reading):
+    """Margin of s2.miss.mitigated, for each run."""
+    q = filters(reading)[1]
+    parts = zip(blanked(replace(q, N=1)), blanked(q), strict=True)
+    both = PAGE[0].Outcome(*(np.concatenate(each, axis=1) for each in parts))
+    return PAGE[0].saved_after(both)
 
 
 @functools.cache
@@ -137,6 +159,7 @@ MAIN = ("s0.diversity", "s2.diversity", "s2.effectiveness", "f3.regime")
 MAIN += ("abs.detects", "s4.pd", "s4.earlier", "s4.accuracy", "f2.delay")
 ROWS = {id: study(partial(of_row, id)) for id in MAIN}
 ROWS |= {"s0.degeneracy.unavoidable": study(unavoidable), "s0.resampling.relieves": study(relieves)}
+ROWS |= {"s0.degeneracy.waste": study(waste), "s2.miss.mitigated": study(mitigated)}
 ROWS["abs.cause"] = study(cause)
 DEGRADED = ("abs.degrade.weak", "abs.degrade.manoeuvre", "abs.degrade.fluctuation")
 ROWS |= {id: study(partial(degraded, id)) for id in DEGRADED}
