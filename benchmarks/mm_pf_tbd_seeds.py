@@ -19,6 +19,7 @@ from tbdcore.repro import paths, products, trials
 
 USES = ("Outcome", "compare", "classic", "fair", "improved", "mended", "seeded", "straight")
 USES += ("declared_share", "correct", "scored", "balanced_accuracy", "present", "regime")
+USES += ("losses",)
 SEEDS = range(21, 26)
 N = 40  # runs of a seed
 SHARES = 0.0, 1 / 64, 1 / 16, 1.0  # of the copies that draw a velocity
@@ -54,6 +55,15 @@ def half(page):
     yield "declared, half", "classic, 2000", "improved", declared[:, 0] - declared[:, 2]
 
 
+def noisy(page):
+    """Frames with a declaration at the other reading of the process noise, 0.5."""
+    trio = (page.classic, page.fair, page.improved)
+    o = fly(page, [replace(p, prior=replace(p.prior, accel=0.5)) for p in trio])
+    declared = page.declared_share(o)
+    for column, name in enumerate(("classic, 2000", "classic, 4000")):
+        yield "declared, noisy", "improved", name, declared[:, 2] - declared[:, column]
+
+
 def causes(page):
     """Frames that the classic filter loses while copies draw new velocities."""
     lost = {"before": [], "after": []}
@@ -75,6 +85,11 @@ def turns(page):
     p, frames = page.classic, np.flatnonzero(page.regime == 2)
     right = page.balanced_accuracy(fly(page, [p], method=page.seeded).turning[:, 0])
     yield "balanced accuracy", "0.75", "classic, placed", 0.75 - right
+    pair = [replace(p, scene=scene) for scene in (page.straight, p.scene)]
+    o = fly(page, pair, method=page.seeded)
+    share, rise = page.losses(o, 1, o, 0, frames).T
+    yield "error in turns", "turning", "straight", rise
+    yield "declared in turns", "straight", "turning", share
     beliefs = {"less process noise": replace(p.prior, accel=p.prior.accel / 5)}
     beliefs["no turning particles"] = replace(p.prior, Pi=CV_ONLY)
     beliefs["both changes"] = replace(p.prior, Pi=CV_ONLY, accel=p.prior.accel / 5)
@@ -90,7 +105,7 @@ def turns(page):
 def main():
     """Make the study and write the file."""
     page, found = types.SimpleNamespace(**rows.definitions("mm_pf_tbd", USES)), []
-    for part in (printed, half, causes, turns):
+    for part in (printed, half, noisy, causes, turns):
         for what, one, other, gap in part(page):
             found.append((what, one, other, *mean_se(gap), len(gap)))
             print(*found[-1], flush=True)

@@ -600,14 +600,19 @@ def test_what_is_not_resolved_is_within_its_error(column, one, other, where):
 
 def test_what_the_page_says_of_its_own_figures_holds_for_five_other_seeds():
     """Not resolved, and not said: how much of the gain is left at equal cost, and whether most of
-    the frames are saved that are lost before the target is found.
+    the frames are saved that are lost before the target is found.  Not resolved, as the page says:
+    a gain at equal cost with noisy motion, and a loss of declarations in the turns.
     """
     table = studies.read("mm_pf_tbd_seeds")
     z = table["gap"] / table["se"]
     unresolved = (table["other"] == "the gain at equal cost") | (table["what"] == "lost before")
-    assert (len(table), unresolved.sum()) == (15, 3)
+    unresolved |= (table["what"] == "declared, noisy") & (table["other"] == "classic, 4000")
+    unresolved |= table["what"] == "declared in turns"
+    assert (len(table), unresolved.sum()) == (19, 5)
     assert (z[~unresolved] > 2.6).all()
     assert (z[unresolved].abs() < 2.6).all()
+    noisy = table[table["what"] == "declared, noisy"].iloc[0]
+    assert abs(noisy["gap"] - 0.05) < 0.005, "the gain that Section 6 names"
 
 
 def test_the_threshold_of_a_study_and_its_error_enter_the_measures():
