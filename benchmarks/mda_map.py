@@ -47,8 +47,7 @@ def design(page):
     for m in MODELS:
         cells.append(("optimum", *m, *patch, *none, ""))
         cells += [("mainstream", *m, *patch, *prior, "") for prior in PRIORS]
-        ways = [way for way in page.WAYS if way != "letter"]  # it has a study of its own
-        cells += [("proposed", *m, *patch, *none, way) for way in ways]
+        cells += [("proposed", *m, *patch, *none, way) for way in page.WAYS]
     for shape in ((1, 4), (3, 9)):  # to save time with one amplitude only, decided before a flight
         cells.append(("optimum", *MODELS[0], *shape, *none, ""))
         cells.append(("mainstream", *MODELS[0], *shape, *PRIORS[0], ""))
@@ -76,14 +75,17 @@ def scenario(page, cell, row):
 
 
 def trial(cases, seed, i):
-    """Existence, OSPA and intensity (cases, 3, K) of all cases on the scenes of one trial."""
+    """Existence, OSPA and intensity (cases, 3, K) of all cases, (cell, row), on the scenes of one
+    trial.
+    """
     page, found = tbdcore.page("mda_tbd"), []
     streams = [
         trials.generator(seed, "mda_tbd", "map", i, purpose)
         for purpose in ("truth", "noise", "filter")
     ]
     states = [rng.bit_generator.state for rng in streams]
-    for scene, p in cases:
+    for cell, row in cases:
+        scene, p = scenario(page, cell, row)
         for rng, state in zip(streams, states, strict=True):
             rng.bit_generator.state = state
         truth, noise, own = streams
@@ -180,19 +182,20 @@ def main():
     have["reading"] = have["reading"].fillna("")
     done = {key(cell) for cell in have[KEY].itertuples(index=False)}
     head = f"# python -m benchmarks.mda_map: {N} trials, seed {SEED}; powers in the paper's unit\n"
+    order = {key(cell): n for n, cell in enumerate(design(page))}
     for cell in design(page):
         if key(cell) in done:
             continue
-        cases = [scenario(page, cell, row) for row in ROWS[cell[0]]]
+        cases = [(cell, row) for row in ROWS[cell[0]]]
         flown = trials.run(partial(trial, cases), N, seed=SEED, workers=workers, label="map")
         rng = trials.generator(SEED, "mda_tbd", "map", N, "filter")
         lines = [
-            [*cell, row, N, *measures(scene, *fields, rng)]
-            for row, (scene, _), fields in zip(
-                ROWS[cell[0]], cases, np.moveaxis(flown, 0, 2), strict=True
-            )
+            [*cell, row, N, *measures(scenario(page, cell, row)[0], *fields, rng)]
+            for row, fields in zip(ROWS[cell[0]], np.moveaxis(flown, 0, 2), strict=True)
         ]
         have = pd.concat([have, pd.DataFrame(lines, columns=have.columns)], ignore_index=True)
+        place = have[KEY].apply(lambda it: order[key(it)], axis=1)
+        have = have.iloc[place.argsort(kind="stable")].reset_index(drop=True)
         products.write(FILE.parent, {FILE.name: head.encode() + products.csv(have)})
     made = scores(*sets(have))
     products.write(FILE.parent, {"mda_map_scores.csv": head.encode() + products.csv(made)})

@@ -19,18 +19,19 @@ from tbdcore.repro import paths, products, trials
 
 USES = ("Outcome", "compare", "classic", "fair", "improved", "mended", "seeded", "straight")
 USES += ("declared_share", "correct", "scored", "balanced_accuracy", "present", "regime")
-USES += ("losses",)
+USES += ("losses", "with_jackknife")
 SEEDS = range(21, 26)
 N = 40  # runs of a seed
+WEAK, EMPTY = 400, 170  # runs of a seed with a weak target and without one, as on the page
 SHARES = 0.0, 1 / 64, 1 / 16, 1.0  # of the copies that draw a velocity
 CV_ONLY = ((0.9, 0.1, 0.0), (0.1, 0.9, 0.0), (0.1, 0.9, 0.0))
 
 
-def fly(page, filters, **options):
-    """The runs of all seeds, an Outcome."""
+def fly(page, filters, n=N, **options):
+    """The runs of all seeds, n of each, an Outcome."""
     filters = [replace(p, scene=replace(p.scene, frames=p.scene.t_f)) for p in filters]
     job = partial(page.compare, filters=filters, **options)
-    each = [trials.run(job, N, seed=seed, workers=1) for seed in SEEDS]
+    each = [trials.run(job, n, seed=seed, workers=1) for seed in SEEDS]
     return page.Outcome(*map(np.concatenate, zip(*each, strict=True)))
 
 
@@ -102,6 +103,19 @@ def turns(page):
         yield "fall in turns", "both changes", name, falls["both changes"] - falls[name]
 
 
+def weak(page):
+    """Lines of the file for half the intensity: by how much the improved filter errs and misses
+    more than the classic one of the same M.
+    """
+    scene = replace(page.classic.scene, amplitude=page.classic.scene.amplitude / 2)
+    pair = [replace(p, scene=scene) for p in (page.classic, page.improved)]
+    o = fly(page, pair, WEAK)
+    blank = fly(page, pair, EMPTY, fade=lambda rng, i: 0.0, experiment="empty").existence
+    names = "RMSE at equal shares", "RMSE at equal false rates", "misses at equal false rates"
+    for name, margin, se in zip(names, *page.with_jackknife(o, blank), strict=True):
+        yield f"weak target: {name}", "improved", "classic, 2000", -margin, se, len(o.error)
+
+
 def main():
     """Make the study and write the file."""
     page, found = types.SimpleNamespace(**rows.definitions("mm_pf_tbd", USES)), []
@@ -109,6 +123,7 @@ def main():
         for what, one, other, gap in part(page):
             found.append((what, one, other, *mean_se(gap), len(gap)))
             print(*found[-1], flush=True)
+    found += weak(page)
     table = pd.DataFrame(found, columns=["what", "one", "other", "gap", "se", "n"])
     head = f"# python -m benchmarks.mm_pf_tbd_seeds; seeds {SEEDS[0]} to {SEEDS[-1]}\n"
     text = head.encode() + products.csv(table)

@@ -126,6 +126,7 @@ def test_debug_shows_where_a_run_failed(tmp_path, capsys):
     assert capsys.readouterr().err == trace
 
 
+@pytest.mark.slow
 def test_a_notebook_imports_from_where_the_command_does(repository, monkeypatch):
     """Also when that is the current folder, which ipykernel takes from the front of the path."""
     cell = "import json, sys\nwith open('path', 'w') as file:\n    json.dump(sys.path, file)"

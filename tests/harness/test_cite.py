@@ -337,6 +337,7 @@ def test_which_refuses_what_is_not_ours_in_one_line(execute, capsys, tmp_path, n
     assert name in err
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_bytes(execute, tmp_path):
     first = {file.name: file.read_bytes() for file in (tmp_path / "figures" / "tiny").iterdir()}
     execute()

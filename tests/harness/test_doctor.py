@@ -15,6 +15,7 @@ from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
 from tbdcore.repro import cli, doctor, paths
 
 
+@pytest.mark.slow
 def test_a_healthy_machine_passes(capsys):
     assert cli.main(["doctor"]) == 0
     out, err = capsys.readouterr()
@@ -134,6 +135,7 @@ def run(words, **variables):
     return subprocess.run(words, env=os.environ | variables, check=True, capture_output=True)
 
 
+@pytest.mark.slow
 def test_the_advice_on_packages_is_a_command(monkeypatch, tmp_path):
     """Everything is installed already: pip has nothing to fetch."""
     monkeypatch.setattr(doctor, "locked", lambda text: {"numpy": "0.9"})

@@ -71,6 +71,7 @@ def test_the_same_figure_has_the_same_bytes(tmp_path):
     assert runs[0].files == runs[1].files
 
 
+@pytest.mark.slow
 def test_an_artist_gives_the_same_bytes(tmp_path, ledger):
     made = []
     for artist in (None, trials.process()):
@@ -82,6 +83,7 @@ def test_an_artist_gives_the_same_bytes(tmp_path, ledger):
     assert len(made[0]) == 6
 
 
+@pytest.mark.slow
 def test_an_artist_that_fails_publishes_nothing(tmp_path, ledger):
     run = Publication("toy", tmp_path / "figures", PROVENANCE, trials.process())
     draw(run)

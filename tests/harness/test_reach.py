@@ -294,6 +294,7 @@ match x:
     assert reach.digest([reach.meaning(source).encode()]) == "2def9d065d482c50"
 
 
+@pytest.mark.slow
 def test_the_meaning_tells_apart_all_modules():
     sources = [file.read_text(encoding="utf-8") for file in paths.PACKAGE.rglob("*.py")]
     assert len({reach.meaning(source) for source in sources}) == len(sources)

@@ -240,6 +240,7 @@ def test_target_outside_the_area_is_refused():
         )
 
 
+@pytest.mark.slow
 def test_power_ratio_mean_under_noise_is_one():
     """A ratio of densities averages to one under the lower one; second moment prod (1 + s)**2 / (1
     + 2 s), so s is kept small.

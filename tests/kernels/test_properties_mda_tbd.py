@@ -1,6 +1,7 @@
 """Any input to the likelihood ratios: finite ratios where a target can be, or one line."""
 
 import numpy as np
+import pytest
 from draws import PLACES, POSITIVE, SHAPES, draw_frame, same, usual
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,6 +10,7 @@ from one_line import result
 from tbdcore.kernels import mda_tbd
 
 
+@pytest.mark.slow
 @same
 @given(st.data(), SHAPES, usual)
 def test_power_ratios(data, shape, typical):

@@ -12,6 +12,8 @@ import json
 import re
 from pathlib import Path
 
+import pytest
+
 import tbdcore
 from tbdcore.repro import pages, reach
 
@@ -83,6 +85,7 @@ def unreached():
     return {f"{m}.{name}" for m in core() for name in definitions(m)} - used
 
 
+@pytest.mark.slow
 def test_the_core_holds_what_is_used():
     assert unreached() == TO_BE_CALLED
 

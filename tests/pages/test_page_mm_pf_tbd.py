@@ -601,14 +601,15 @@ def test_what_is_not_resolved_is_within_its_error(column, one, other, where):
 def test_what_the_page_says_of_its_own_figures_holds_for_five_other_seeds():
     """Not resolved, and not said: how much of the gain is left at equal cost, and whether most of
     the frames are saved that are lost before the target is found.  Not resolved, as the page says:
-    a gain at equal cost with noisy motion, and a loss of declarations in the turns.
+    a gain at equal cost with noisy motion, a loss of declarations in the turns, and a difference
+    of the errors on a weak target at equal shares of declared frames.
     """
     table = studies.read("mm_pf_tbd_seeds")
     z = table["gap"] / table["se"]
     unresolved = (table["other"] == "the gain at equal cost") | (table["what"] == "lost before")
     unresolved |= (table["what"] == "declared, noisy") & (table["other"] == "classic, 4000")
-    unresolved |= table["what"] == "declared in turns"
-    assert (len(table), unresolved.sum()) == (19, 5)
+    unresolved |= table["what"].isin(["declared in turns", "weak target: RMSE at equal shares"])
+    assert (len(table), unresolved.sum()) == (22, 6)
     assert (z[~unresolved] > 2.6).all()
     assert (z[unresolved].abs() < 2.6).all()
     noisy = table[table["what"] == "declared, noisy"].iloc[0]
@@ -855,6 +856,7 @@ def test_a_run_that_is_cut_and_saved_goes_on_bit_by_bit(page, options, tmp_path)
     assert same(rest.state, whole.state)
 
 
+@pytest.mark.slow
 def test_another_process_goes_on_bit_by_bit(page, tmp_path):
     p, (z, T) = page.Scenario(M=300, M_new=200), recorded(page)
     whole, rng = page.run(z, p, np.random.default_rng(43), T=T), np.random.default_rng(43)

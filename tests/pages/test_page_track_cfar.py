@@ -301,6 +301,7 @@ def test_without_a_target_the_chain_keeps_its_promise_and_the_cap_makes_it_small
     assert math.isclose(left(replace(strong, snr0_db=0.0)), p.track_pfa, rel_tol=1e-9)
 
 
+@pytest.mark.slow
 def test_an_uneven_split_of_the_frame_probability_gains_less_than_a_kilometre(page, p):
     """ln(1 - P_F) divided unevenly over 0, 1, 2 pending misses; the even split is nearly best."""
     R, ranges = page.truth(p)[2:, 0] / 1e3, {}
