@@ -42,7 +42,7 @@ def log_ratio(z, S, r, peak, blur, noise):
     return out
 
 
-def transition(r, S, Pi, T, u, a, omegas, redraw):
+def transition(r, S, Pi, T, u, a, turns, redraw):
     """Vectorised NumPy: the chain by one comparison, both regimes at once, sin and cos of whole
     columns.
     """
@@ -52,11 +52,11 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
     if redraw:
         born = np.flatnonzero((r == 0) & live)
         live[born] = False
-    if len(omegas):
+    if len(turns):
         begins = (r == 1) & (after == 2)
-        (low, left), (right, high) = omegas
-        v = low + (u[begins] - C[1, 1]) / (1 - C[1, 1]) * (left - low + high - right)
-        S[begins, 4] = v + (right - left) * (v > left)
+        (low, left), (right, width) = turns
+        v = low + (u[begins] - C[1, 1]) / (1 - C[1, 1]) * (left + width)
+        S[begins, 4] = v + (right - low - left) * (v > low + left)
     on = np.flatnonzero(live)
     x, vx, y, vy, w = S[on].T
     h = 0.5 * T * np.where(after[on] == 2, w, 0.0)
@@ -69,12 +69,22 @@ def transition(r, S, Pi, T, u, a, omegas, redraw):
     return after, born, S
 
 
+def resample(r, S, W, M, u):
+    """Vectorised NumPy: a sorted search, indices, means."""
+    ancestors = particles.systematic_spec(W, M, u)
+    r, S = r[ancestors], S[ancestors]
+    alive = r > 0
+    mean = S[alive].mean(axis=0) if alive.any() else np.full(S.shape[1], np.nan)
+    counts, distinct = np.bincount(r, minlength=3), np.unique(ancestors[alive]).size
+    return mm_pf_tbd.Resampled(ancestors, r, S, counts, mean, distinct)
+
+
 NUMPY = {
     "blob_log_ratio": log_ratio,
     "transition": transition,
     "box_states": mm_pf_tbd.box_states_spec,
     "systematic": particles.systematic_spec,
-    "copy_particles": mm_pf_tbd.copy_particles_spec,
+    "resample": resample,
 }
 BY_NAME = {"blob_log_ratio"}  # the page imports it by name
 OF_MODULE = {
@@ -96,24 +106,20 @@ def cloud():
 def kernels():
     """The kernels, their specifications and arguments."""
     rng, S, r, z = cloud()
-    u, a, omegas = rng.random(N), rng.normal(0.0, 0.1, (N, 2)), np.array([[-0.4, -0.2], [0.2, 0.4]])
+    u, a, turns = rng.random(N), rng.normal(0.0, 0.1, (N, 2)), np.array([[-0.4, 0.2], [0.2, 0.2]])
     lw = mm_pf_tbd.blob_log_ratio(z, S, r, PEAK, BLUR, NOISE)
     W, _ = particles.normalise(lw)
-    low, width = np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 4.0])
-    plain = tbdcore.page("mm_pf_tbd").log_ratios
-    yield mm_pf_tbd.blob_log_ratio, plain, (z, S, r, PEAK, BLUR, NOISE)
+    law = np.array([[0.0, 30.0], [-2.0, 4.0], [0.0, 25.0], [-2.0, 4.0], *turns])
+    page = tbdcore.page("mm_pf_tbd")
+    yield mm_pf_tbd.blob_log_ratio, page.log_ratios, (z, S, r, PEAK, BLUR, NOISE)
     yield (
         mm_pf_tbd.transition,
         mm_pf_tbd.transition_spec,
-        (r, S.copy(), PI, 1.0, u, a, omegas, True),
+        (r, S.copy(), PI, 1.0, u, a, turns, True),
     )
-    yield mm_pf_tbd.box_states, mm_pf_tbd.box_states_spec, (rng.random((5, N)), low, width, omegas)
+    yield mm_pf_tbd.box_states, mm_pf_tbd.box_states_spec, (rng.random((5, N)), law)
     yield particles.systematic, particles.systematic_spec, (W, N // 2, 0.3)
-    yield (
-        mm_pf_tbd.copy_particles,
-        mm_pf_tbd.copy_particles_spec,
-        (r, S, particles.systematic(W, N // 2, 0.3)),
-    )
+    yield mm_pf_tbd.resample, page.resample, (r, S, W, N // 2, 0.3)
 
 
 def trials():

@@ -3,8 +3,8 @@
 import numpy as np
 
 FREE = {("blob_image", "x"), ("blob_image", "y"), ("blob_log_ratio", "S"), ("box_states", "u")}
-FREE |= {("transition", "S"), ("transition", "a"), ("copy_particles", "S")}
-OMEGAS = np.array([[-0.5, -0.25], [0.25, 0.5]])
+FREE |= {("transition", "S"), ("transition", "a"), ("resample", "S"), ("resample", "W")}
+TURNS = np.array([[-0.5, 0.25], [0.25, 0.25]])
 PI = np.array([[0.5, 0.25, 0.25], [0.25, 0.5, 0.25], [0.0, 0.0, 1.0]])
 EXAMPLES = {
     "blob_peak": lambda: {"intensity": 18.0, "blur": 0.5, "delta": 2.0},
@@ -26,9 +26,7 @@ EXAMPLES = {
     "check_transitions": lambda: {"Pi": PI.copy()},
     "box_states": lambda: {
         "u": np.full((5, 2), 0.5),
-        "low": np.zeros(4),
-        "width": np.ones(4),
-        "omegas": OMEGAS.copy(),
+        "law": np.concatenate([[[0.0, 1.0]] * 4, TURNS]),
     },
     "transition": lambda: {
         "r": np.array([0, 1, 2]),
@@ -37,12 +35,14 @@ EXAMPLES = {
         "T": 2.0,
         "u": np.array([0.75, 0.875, 0.5]),
         "a": np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]),
-        "omegas": OMEGAS.copy(),
+        "turns": TURNS.copy(),
         "redraw": True,
     },
-    "copy_particles": lambda: {
+    "resample": lambda: {
         "r": np.array([0, 1, 2]),
         "S": np.arange(15.0).reshape(3, 5),
-        "ancestors": np.array([0, 2, 2]),
+        "W": np.array([0.25, 0.5, 1.0]),
+        "M": 5,
+        "u": 0.5,
     },
 }

@@ -1,6 +1,6 @@
 """``mm_pf_tbd`` beside their specifications: (name, function, specification, arguments).
 
-That of ``blob_log_ratio`` is the loop that the page shows.
+Those of ``blob_log_ratio`` and ``resample`` stand on the page.
 """
 
 import numpy as np
@@ -19,19 +19,19 @@ def cloud(n, seed=1):
     return S, rng.integers(0, 3, n), rng
 
 
-OMEGAS = np.array([[-0.4, -0.2], [0.2, 0.3]])
+TURNS = np.array([[-0.4, 0.2], [0.2, 0.1]])
 
 
-def step(n, accel=0.1, T=1.0, omegas=OMEGAS, redraw=True):
+def step(n, accel=0.1, T=1.0, turns=TURNS, redraw=True):
     S, r, rng = cloud(n)
-    return r, S, PI, T, rng.random(n), accel * rng.standard_normal((n, 2)), omegas, redraw
+    return r, S, PI, T, rng.random(n), accel * rng.standard_normal((n, 2)), turns, redraw
 
 
 def edges():
     """Draws on the edges of the chain's intervals, from every regime."""
     S, _, _ = cloud(12)
     u = np.tile([0.0, 0.9, 0.1, np.nextafter(1.0, 0.0)], 3)
-    return np.repeat([0, 1, 2], 4), S, PI, 1.0, u, np.zeros((12, 2)), OMEGAS, True
+    return np.repeat([0, 1, 2], 4), S, PI, 1.0, u, np.zeros((12, 2)), TURNS, True
 
 
 CASES = [
@@ -39,7 +39,7 @@ CASES = [
     for args in (
         lambda: step(500),
         lambda: step(200, accel=0.0, T=0.25),
-        lambda: step(200, omegas=np.empty((0, 2))),
+        lambda: step(200, turns=np.empty((0, 2))),
         lambda: step(200, redraw=False),
         lambda: step(0),
         edges,
@@ -47,19 +47,19 @@ CASES = [
 ]
 
 
-def box(n, omegas=OMEGAS):
+def box(n, turns=TURNS):
     """Uniform draws, the first two at the ends of their interval."""
     u = np.random.default_rng(3).random((5, n))
     u[:, :2] = 0.0, np.nextafter(1.0, 0.0)
-    return u, np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 0.0]), omegas
+    return u, np.array([[0.0, 30.0], [-2.0, 4.0], [0.0, 25.0], [-2.0, 0.0], *turns])
 
 
 CASES += [
     ("box_states", mm_pf_tbd.box_states, mm_pf_tbd.box_states_spec, args)
     for args in (
         lambda: box(300),
-        lambda: box(50, np.array([[0.5, 0.5], [0.5, 0.5]])),
-        lambda: (np.empty((5, 0)), *box(2)[1:]),
+        lambda: box(50, np.array([[0.5, 0.0], [0.5, 0.0]])),
+        lambda: (np.empty((5, 0)), box(2)[1]),
     )
 ]
 
@@ -69,7 +69,7 @@ def certain(regime, redraw):
     S, r, rng = cloud(30)
     S[r == 0] = np.nan if redraw or regime == 0 else 0.0
     Pi = np.tile(np.eye(3)[regime], (3, 1))
-    return r, S, Pi, 0.5, rng.random(30), rng.normal(size=(30, 2)), OMEGAS, redraw
+    return r, S, Pi, 0.5, rng.random(30), rng.normal(size=(30, 2)), TURNS, redraw
 
 
 CASES += [
@@ -111,22 +111,29 @@ CASES += [
 ]
 
 
-def generation(n, M, regimes=3, seed=2):
+def generation(n, M, regimes=3, seed=2, weights=None, u=0.3):
+    """Particles with a few of most of the weight, or with the weights."""
     rng = np.random.default_rng(seed)
-    return (
-        rng.integers(0, regimes, n),
-        rng.normal(size=(n, 5)),
-        np.sort(rng.integers(0, max(n, 1), M)),
-    )
+    r, S = rng.integers(0, regimes, n), rng.normal(size=(n, 5))
+    W = rng.random(n) ** 6 if weights is None else np.array(weights, float)
+    return r, S, W, M, u
 
 
+LAST = np.nextafter(1.0, 0.0)
 CASES += [
-    ("copy_particles", mm_pf_tbd.copy_particles, mm_pf_tbd.copy_particles_spec, args)
+    ("resample", mm_pf_tbd.resample, tbdcore.page("mm_pf_tbd").resample, args)
     for args in (
         lambda: generation(400, 200),
         lambda: generation(20, 70),
         lambda: generation(9, 5, regimes=1),
-        lambda: generation(0, 0),
         lambda: generation(5, 0),
+        lambda: generation(50, 1000, u=0.999),
+        lambda: generation(3, 5, weights=[0, 1, 0], u=0.0),
+        lambda: generation(10, 10, weights=[0.1] * 10, u=0.5),  # the sum rounds below one
+        lambda: generation(4, 4, weights=[0.5, 0.5, 0, 0], u=LAST),
+        lambda: generation(1, 3, weights=[1.0], u=0.7),
+        lambda: generation(3, 9, weights=[0, 0, 1e-190], u=0.0),
+        lambda: generation(3, 9, weights=[1e190] * 3, u=0.5),
+        lambda: generation(9, 4, weights=[0] * 8 + [1], u=LAST),
     )
 ]

@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import i0e
 
 from tbdcore import particles
-from tbdcore.kernels import mda_tbd, mm_pf_tbd
+from tbdcore.kernels import mda_tbd
 
 
 @pytest.mark.parametrize("ratio", [mda_tbd.coherent_log_ratio, mda_tbd.power_log_ratio])
@@ -401,14 +401,10 @@ def test_history_of_the_newborn_is_empty_and_old_arrays_are_untouched():
     assert (age == 7).all()
 
 
-@pytest.mark.parametrize(("regime", "ancestor"), [(3, 0), (-1, 0), (0, 2), (0, -1)])
-def test_a_regime_or_an_ancestor_out_of_range_is_refused(regime, ancestor):
-    r, H = np.array([regime, 1]), np.ones((1, 1, 2))
-    with pytest.raises(ValueError, match=r"copy_particles: r\[0\]: |ancestors 0 to N - 1"):
-        mm_pf_tbd.copy_particles(r, np.ones((2, 5)), np.array([1, ancestor]))
-    if regime == 0:
-        with pytest.raises(ValueError, match="ancestors must be"):
-            mda_tbd.inherit(H, np.ones(2, int), np.array([1, ancestor]), 0)
+@pytest.mark.parametrize("ancestor", [2, -1])
+def test_an_ancestor_out_of_range_is_refused(ancestor):
+    with pytest.raises(ValueError, match="ancestors must be"):
+        mda_tbd.inherit(np.ones((1, 1, 2)), np.ones(2, int), np.array([1, ancestor]), 0)
 
 
 def test_a_column_of_right_numbers_rarely_differs_and_a_shifted_one_does():

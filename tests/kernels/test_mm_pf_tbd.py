@@ -144,13 +144,13 @@ def test_zero_signal_has_ratio_one():
     assert (blob_ratio(z, (3, 3), peak=0.0) == 0).all()
 
 
-OMEGAS = np.array([[-0.4, -0.2], [0.2, 0.5]])
+TURNS = np.array([[-0.4, 0.2], [0.2, 0.3]])
 
 
-def move(S, before, u, a, omegas=OMEGAS, redraw=True, T=1.0):
+def move(S, before, u, a, turns=TURNS, redraw=True, T=1.0):
     S = np.array(S, float)
     return mm_pf_tbd.transition(
-        np.array(before), S, PI, T, np.array(u, float), np.array(a, float), omegas, redraw
+        np.array(before), S, PI, T, np.array(u, float), np.array(a, float), turns, redraw
     )
 
 
@@ -164,7 +164,7 @@ def test_regimes_reach_the_stationary_distribution():
         before, (r, born, S) = (
             r,
             mm_pf_tbd.transition(
-                r, S, PI, 1.0, rng.random(r.size), np.zeros((r.size, 2)), OMEGAS, True
+                r, S, PI, 1.0, rng.random(r.size), np.zeros((r.size, 2)), TURNS, True
             ),
         )
     share = np.bincount(r, minlength=3) / r.size
@@ -222,6 +222,22 @@ def test_redrawn_turn_rates_are_uniform_on_their_intervals():
         [-0.3, 0.35], abs=4 * 0.087 / np.sqrt(0.4 * w.size)
     )
     assert not ((w > -0.2) & (w < 0.2)).any()
+
+
+@pytest.mark.parametrize("regime", [3, -1])
+def test_a_regime_out_of_range_is_refused(regime):
+    r, S, W = np.array([regime, 1]), np.ones((2, 5)), np.array([1.0, 0.0])
+    with pytest.raises(ValueError, match=r"mm_pf_tbd\.resample: a regime r is not 0, 1, 2"):
+        mm_pf_tbd.resample(r, S, W, 3, 0.5)
+    with pytest.raises(ValueError, match=r"mm_pf_tbd\.blob_log_ratio: a regime r is not 0, 1, 2"):
+        mm_pf_tbd.blob_log_ratio(np.zeros((4, 4)), S, r, 1.0, 0.6, 1.0)
+
+
+@pytest.mark.parametrize("W", [[1.0, -0.5], [np.nan, 1.0], [0.0, 0.0], []])
+def test_weights_that_are_none_are_refused(W):
+    r, S = np.ones(len(W), int), np.ones((len(W), 5))
+    with pytest.raises(ValueError, match=r"mm_pf_tbd\.resample: W has a negative weight or NaN"):
+        mm_pf_tbd.resample(r, S, np.array(W), 3, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from tbdcore.kernels import mm_pf_tbd
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=200)
 ANY = st.one_of(st.floats(0, 0.999), st.floats(-100, 100), st.floats())
 PI = np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1], [0.0, 0.0, 1.0]])
-OMEGAS = np.array([[-0.4, -0.2], [0.2, 0.3]])
+TURNS = np.array([[-0.4, 0.2], [0.2, 0.1]])
 
 
 @pytest.mark.filterwarnings("error")
@@ -48,11 +48,11 @@ def test_transition(good):
         r = data.draw(arrays(np.int64, n, elements=st.integers(low, high)))
         S, a = (data.draw(arrays(float, (n, m), elements=value)) for m in (5, 2))
         u, T = data.draw(arrays(float, n, elements=value)), data.draw(value)
-        Pi, omegas = PI.copy(), OMEGAS[: data.draw(st.sampled_from([0, 2]))].copy()
+        Pi, turns = PI.copy(), TURNS[: data.draw(st.sampled_from([0, 2]))].copy()
         if not good and data.draw(st.booleans()):
             Pi[1, 1] = data.draw(ANY)
         before = S.copy()
-        found = result(mm_pf_tbd.transition, r, S, Pi, T, u, a, omegas, redraw)
+        found = result(mm_pf_tbd.transition, r, S, Pi, T, u, a, turns, redraw)
         assert found is not None or not good
         if found:
             after, born, states = found
@@ -67,29 +67,30 @@ def test_transition(good):
 
 @SETTINGS
 @given(arrays(float, (5, 3), elements=ANY), arrays(float, (2, 2), elements=ANY))
-def test_box_states(u, omegas):
+def test_box_states(u, turns):
     low, width = np.array([0.0, -2.0, 0.0, -2.0]), np.array([30.0, 4.0, 25.0, 0.0])
-    S = result(mm_pf_tbd.box_states, u, low, width, omegas)
+    law = np.concatenate([np.column_stack([low, width]), turns])
+    S = result(mm_pf_tbd.box_states, u, law)
     if S is None:
         return
     inside = (S[:, :4] >= low) & (S[:, :4] <= low + width)
     assert (inside | ~((u[:4] >= 0) & (u[:4] <= 1)).T).all()
 
 
-STEP = (np.zeros(1, int), np.zeros((1, 5)), PI, 1.0, np.zeros(1), np.zeros((1, 2)), OMEGAS, True)
+STEP = (np.zeros(1, int), np.zeros((1, 5)), PI, 1.0, np.zeros(1), np.zeros((1, 2)), TURNS, True)
 
 
 @pytest.mark.parametrize(
     ("at", "value", "words"),
     [
-        (0, np.array([3]), r"r\[0\]: 3"),
-        (0, np.array([-1]), r"r\[0\]: -1"),
+        (0, np.array([3]), "transition: a regime r is not 0, 1, 2"),
+        (0, np.array([-1]), "transition: a regime r is not 0, 1, 2"),
         (2, PI + 0.1, "row of Pi"),
         (2, np.array([[2.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "row of Pi"),
         (4, np.ones(1), "u not in"),
         (4, np.full(1, -0.1), "u not in"),
-        (6, OMEGAS[:1], "two intervals"),
-        (6, OMEGAS[:, ::-1].copy(), "two intervals"),
+        (6, TURNS[:1], "pair of intervals"),
+        (6, -TURNS, "pair of intervals"),
     ],
 )
 def test_nonsense_in_a_transition_is_refused(at, value, words):
@@ -101,8 +102,10 @@ def test_nonsense_in_a_transition_is_refused(at, value, words):
 
 
 def test_a_box_has_two_intervals_of_the_turn_rate():
-    with pytest.raises(ValueError, match="two intervals"):
-        mm_pf_tbd.box_states(np.zeros((5, 1)), np.zeros(4), np.ones(4), OMEGAS[:, ::-1])
+    with pytest.raises(ValueError, match="pair of intervals"):
+        mm_pf_tbd.box_states(np.zeros((5, 1)), np.concatenate([np.ones((4, 2)), -TURNS]))
+    with pytest.raises(ValueError, match="infinity in law"):
+        mm_pf_tbd.box_states(np.zeros((5, 1)), np.concatenate([np.full((4, 2), np.inf), TURNS]))
 
 
 @pytest.mark.parametrize(

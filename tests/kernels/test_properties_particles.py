@@ -73,20 +73,34 @@ def test_existence(P, birth, survive, log_ratio):
 
 @same
 @given(
-    st.lists(st.integers(-2, 5), max_size=6),
-    st.lists(st.integers(0, 2) | st.integers(-9, 9), max_size=6),
-    st.integers(-1, 3),
+    st.lists(st.tuples(st.integers(0, 2) | st.integers(-9, 9), USUAL | ANY), max_size=6),
+    st.integers(-1, 9),
+    USUAL | ANY,
 )
-def test_copies_and_histories(ancestors, regimes, births):
-    r, S = np.array(regimes, int), np.arange(5.0 * len(regimes)).reshape(-1, 5)
-    out = result(mm_pf_tbd.copy_particles, r, S, np.array(ancestors, int))
-    inside = all(0 <= n < len(r) for n in ancestors)
-    if inside and ((r >= 0) & (r <= 2)).all():
-        assert out[2].sum() == len(ancestors)
-        assert (out[1] == S[np.array(ancestors, int)]).all()
+def test_resample(particles_of, M, u):
+    r, W = (np.array([p[i] for p in particles_of], kind) for i, kind in ((0, int), (1, float)))
+    S = np.arange(5.0 * len(r)).reshape(-1, 5)
+    out = result(mm_pf_tbd.resample, r, S, W, M, u)
+    ancestors = result(particles.systematic, W, M, u)
+    if ancestors is None:
+        assert out is None
+    elif ((r[ancestors] >= 0) & (r[ancestors] <= 2)).all():
+        assert (out.ancestors == ancestors).all()
+        assert out.counts.sum() == M
+        assert (S[ancestors] == out.S).all()
     else:
         assert out is None
-    H, age = np.ones((2, 1, len(r))), np.ones(len(r), int)
+
+
+@same
+@given(
+    st.lists(st.integers(-2, 5), max_size=6),
+    st.integers(0, 6),
+    st.integers(-1, 3),
+)
+def test_histories(ancestors, N, births):
+    inside = all(0 <= n < N for n in ancestors)
+    H, age = np.ones((2, 1, N)), np.ones(N, int)
     moved = result(mda_tbd.inherit, H, age, np.array(ancestors, int), births)
     if inside and births >= 0:
         assert moved[0].sum() == 2 * len(ancestors)

@@ -11,6 +11,7 @@ import pytest
 
 import tbdcore
 from benchmarks import mm_pf_tbd_methods as study
+from tbdcore.kernels import mm_pf_tbd
 from tbdcore.recording import misfit
 from tbdcore.repro import paths, studies
 from tbdcore.state import load, save
@@ -345,13 +346,15 @@ def test_weights_inside_and_outside_the_frame_are_equation_10(page, size):
 
 
 def test_distinct_counts_living_ancestors_once(page):
-    for keep, r, alive in (
-        ([0, 0, 1, 3, 3, 3, 4], [1, 1, 0, 2, 2, 2, 1], 3),
-        ([0, 0, 1, 3], [0, 0, 0, 1], 1),
-        ([2, 5, 6], [0, 0, 0], 0),
-        ([7], [2], 1),
+    for copies, r, alive in (
+        ([2, 1, 0, 3, 1], [1, 0, 0, 2, 1], 3),
+        ([2, 1, 0, 1], [0, 0, 2, 1], 1),
+        ([0, 0, 1, 0, 0, 1], [2, 2, 0, 2, 2, 0], 0),
+        ([0, 3], [1, 2], 1),
     ):
-        assert page.distinct_alive(np.array(keep), np.array(r)) == alive
+        args = np.array(r), np.zeros((len(r), 5)), np.array(copies, float), sum(copies), 0.5
+        for resample in (page.resample, mm_pf_tbd.resample):
+            assert resample(*args).distinct == alive
 
 
 def test_the_image_of_a_target_is_equation_7(page):
