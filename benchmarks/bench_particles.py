@@ -52,11 +52,10 @@ def transition(r, S, Pi, T, u, a, turns, redraw):
     if redraw:
         born = np.flatnonzero((r == 0) & live)
         live[born] = False
-    if len(turns):
-        begins = (r == 1) & (after == 2)
-        (low, left), (right, width) = turns
-        v = low + (u[begins] - C[1, 1]) / (1 - C[1, 1]) * (left + width)
-        S[begins, 4] = v + (right - low - left) * (v > low + left)
+    begins = (r == 1) & (after == 2)
+    (low, left), (right, width) = turns
+    v = low + (u[begins] - C[1, 1]) / (1 - C[1, 1]) * (left + width)
+    S[begins, 4] = v + (right - low - left) * (v > low + left)
     on = np.flatnonzero(live)
     x, vx, y, vy, w = S[on].T
     h = 0.5 * T * np.where(after[on] == 2, w, 0.0)

@@ -102,7 +102,7 @@ def _blob_exponents(S, r, nx, ny, blur, decay):
         present[np.uint64(m)] = n  # the next one overwrites it, unless it counts: no branch
         m += (r[n] != 0) & (x >= -1.5) & (x < nx + 2.5) & (y >= -1.5) & (y < ny + 2.5)
         if (r[n] != 0) & ((x != x) | (y != y)):
-            raise ValueError("states: NaN in the position of a particle that is present")
+            raise ValueError("mm_pf_tbd.blob_log_ratio: S: NaN in a position that is present")
         if not 0 <= r[n] <= 2:
             raise ValueError("mm_pf_tbd.blob_log_ratio: a regime r is not 0, 1, 2")
     present = present[:m]
@@ -224,7 +224,7 @@ def _turn_rate(v, turns):
 @kernel
 def _total_width(turns):
     """Both widths of the intervals turns (2, 2) = (lower end, width); ValueError if it has none."""
-    valid, total = turns.shape == (2, 2), 0.0
+    valid, total = True, 0.0
     for low, width in turns:
         valid &= abs(low) < np.inf and 0.0 <= width < np.inf
         total += width
@@ -256,14 +256,15 @@ def box_states(
     law : (6, 2) lower end and width of the intervals of x, vx, y and vy, and of two intervals of
         the turn rate, which are chosen in proportion to their widths
     """
-    S, both = np.empty((u.shape[1], 5)), _total_width(law[4:])
+    S, turns = np.empty((u.shape[1], 5)), law[4:]
+    both = _total_width(turns)
     for d in range(4):
         if not abs(law[d, 0]) + abs(law[d, 1]) < np.inf:
             raise ValueError("mm_pf_tbd.box_states: NaN or infinity in law; give finite intervals")
     for n in range(len(S)):
         for d in range(4):
             S[n, d] = law[d, 0] + law[d, 1] * u[d, n]
-        S[n, 4] = _turn_rate(u[4, n] * both, law[4:])
+        S[n, 4] = _turn_rate(u[4, n] * both, turns)
     return S
 
 
@@ -276,7 +277,7 @@ def transition_spec(r, S, Pi, T, u, a, turns, redraw):
         if after[n] and redraw and before == 0:
             born.append(n)
         elif after[n]:
-            if (before, after[n]) == (1, 2) and len(turns):
+            if (before, after[n]) == (1, 2):
                 low, width = turns.T
                 v = np.interp(u[n], [ends[2], 1.0], [0.0, width.sum()])
                 lengths = np.concatenate([[0.0], np.cumsum(width)])
@@ -305,7 +306,7 @@ def transition(
     T: Annotated[float, Number()],
     u: Annotated[ArrayLike, Numbers("N", low=None)],
     a: Annotated[ArrayLike, Numbers("N", 2, low=None)],
-    turns: Annotated[ArrayLike, Numbers("rates", 2, low=None)],
+    turns: Annotated[ArrayLike, Numbers(2, 2, low=None)],
     redraw: Annotated[bool, Flag()],
 ) -> tuple[Array, Array, Array]:
     """One frame of the chain and of the motion: regimes (N,), indices of the born (B,), states.
@@ -314,14 +315,14 @@ def transition(
     Pi : (3, 3) transition probabilities, rows from; T : seconds
     u : (N,) uniform draws in [0, 1); a : (N, 2) accelerations, constant during the step
     turns : (2, 2) lower end and width of two intervals of the turn rate, which is drawn where a
-        turn begins, 1 -> 2, from the rest of the draw that chose the turn; (0, 2) keeps the rate
+        turn begins, 1 -> 2, from the rest of the draw that chose the turn
     redraw : if True, the born are not moved, the caller draws their states; if False they go on
         from the state they have, and the list of the born is empty
     """
     for p, q, w in Pi:
         if not (min(p, q, w) >= 0.0 and abs(p + q + w - 1.0) <= 1e-9):
             raise ValueError("mm_pf_tbd.transition: a row of Pi is negative or does not sum to 1")
-    both = _total_width(turns) if len(turns) else 0.0
+    both = _total_width(turns)
     after, is_born = np.empty_like(r), np.zeros(r.size, np.bool_)
     for n in range(r.size):
         before = r[n]
@@ -329,17 +330,19 @@ def transition(
             raise ValueError("mm_pf_tbd.transition: a regime r is not 0, 1, 2, or u not in [0, 1)")
         now = int(u[n] >= Pi[before, 0]) + int(u[n] >= Pi[before, 0] + Pi[before, 1])
         after[n], is_born[n] = now, redraw and before == 0 and now > 0
+    h, sh, ch = np.nan, 0.0, 0.0
     for n in range(r.size):
         if is_born[n]:
             continue
         if after[n] == 1:
             _move(S, n, T, 0.0, 1.0, 0.0, T, a)
         elif after[n] == 2:
-            if r[n] == 1 and len(turns):
+            if r[n] == 1:
                 second = Pi[1, 0] + Pi[1, 1]
                 S[n, 4] = _turn_rate((u[n] - second) / (1.0 - second) * both, turns)
-            h = 0.5 * S[n, 4] * T
-            sh, ch = math.sin(h), math.cos(h)
+            if 0.5 * S[n, 4] * T != h:  # copies of a particle turn at one rate
+                h = 0.5 * S[n, 4] * T
+                sh, ch = math.sin(h), math.cos(h)
             f = T * sh / h if h != 0.0 else T
             _move(S, n, f * ch, f * sh, 1.0 - 2.0 * sh * sh, 2.0 * sh * ch, T, a)
     return after, np.flatnonzero(is_born), S
@@ -357,17 +360,20 @@ class Resampled(NamedTuple):
 
 
 @kernel
-def _ancestors(W, M, u):
-    """The ancestors of :func:`tbdcore.particles.systematic`, to the bit.
+def _ancestors(r, W, M, u):
+    """The ancestors of :func:`tbdcore.particles.systematic`, to the bit, from checked r and W.
 
     It counts the particles that end before each arrow: no branch follows the weights, which saves
     a quarter of the time of resampling.
     """
-    total, last = 0.0, 0
+    total, last, known = 0.0, 0, True
     for n in range(W.size):
         total += W[n] if W[n] >= 0.0 else np.nan
+        known &= 0 <= r[n] <= 2
         if W[n] > 0.0:
             last = n
+    if not known:
+        raise ValueError("mm_pf_tbd.resample: a regime r is not 0, 1, 2")
     if not LEAST <= total <= MOST:
         raise ValueError("mm_pf_tbd.resample: W has a negative weight or NaN, or is all 0")
     step, dense = total / M, M / total
@@ -398,15 +404,13 @@ def resample(
     r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states; u : offset in [0, 1), one draw
     W : (N,) weights, finite, none negative, one at least positive; they need not sum to one
     """
-    ancestors, d = _ancestors(W, M, u), S.shape[1]
+    ancestors, d = _ancestors(r, W, M, u), S.shape[1]
     regimes, states = np.empty(M, r.dtype), np.empty((M, d))
     counts, total = np.zeros(3, np.int64), np.zeros(d)
     distinct, before = 0, -1
     for m in range(M):
         n = np.uint64(ancestors[m])  # unsigned: no test for indices below 0
         a = regimes[m] = r[n]
-        if not 0 <= a <= 2:
-            raise ValueError("mm_pf_tbd.resample: a regime r is not 0, 1, 2")
         counts[a] += 1
         distinct += (a > 0) & (ancestors[m] != before)
         before = ancestors[m]

@@ -22,9 +22,9 @@ def cloud(n, seed=1):
 TURNS = np.array([[-0.4, 0.2], [0.2, 0.1]])
 
 
-def step(n, accel=0.1, T=1.0, turns=TURNS, redraw=True):
+def step(n, accel=0.1, T=1.0, redraw=True):
     S, r, rng = cloud(n)
-    return r, S, PI, T, rng.random(n), accel * rng.standard_normal((n, 2)), turns, redraw
+    return r, S, PI, T, rng.random(n), accel * rng.standard_normal((n, 2)), TURNS, redraw
 
 
 def edges():
@@ -39,7 +39,6 @@ CASES = [
     for args in (
         lambda: step(500),
         lambda: step(200, accel=0.0, T=0.25),
-        lambda: step(200, turns=np.empty((0, 2))),
         lambda: step(200, redraw=False),
         lambda: step(0),
         edges,

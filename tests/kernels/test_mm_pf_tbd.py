@@ -226,9 +226,10 @@ def test_redrawn_turn_rates_are_uniform_on_their_intervals():
 
 @pytest.mark.parametrize("regime", [3, -1])
 def test_a_regime_out_of_range_is_refused(regime):
-    r, S, W = np.array([regime, 1]), np.ones((2, 5)), np.array([1.0, 0.0])
-    with pytest.raises(ValueError, match=r"mm_pf_tbd\.resample: a regime r is not 0, 1, 2"):
-        mm_pf_tbd.resample(r, S, W, 3, 0.5)
+    r, S = np.array([regime, 1]), np.ones((2, 5))
+    for W in ([1.0, 0.0], [0.0, 1.0]):  # whether it is kept or not
+        with pytest.raises(ValueError, match=r"mm_pf_tbd\.resample: a regime r is not 0, 1, 2"):
+            mm_pf_tbd.resample(r, S, np.array(W), 3, 0.5)
     with pytest.raises(ValueError, match=r"mm_pf_tbd\.blob_log_ratio: a regime r is not 0, 1, 2"):
         mm_pf_tbd.blob_log_ratio(np.zeros((4, 4)), S, r, 1.0, 0.6, 1.0)
 
