@@ -75,4 +75,5 @@ def rows():
         per_call = best(globals()[f"many_{name}"], *fresh(arguments)) / CALLS
         module = kalman if name == "two_point" else track_cfar
         spec = best(getattr(module, f"{name}_spec"), *arguments)
-        yield Row(f"kalman.{name}", "one track", per_call, spec, operations * operation)
+        where = module.__name__.rpartition(".")[2]
+        yield Row(f"{where}.{name}", "one track", per_call, spec, operations * operation)

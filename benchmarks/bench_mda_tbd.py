@@ -104,7 +104,7 @@ def rows():
     moved, moved_spec = (
         best(f, H, age, ancestors, 2000) for f in (mda_tbd.inherit, mda_tbd.inherit_spec)
     )
-    yield Row("particles.inherit", "8 frames, 6000 of 8000 particles", moved, moved_spec)
+    yield Row("mda_tbd.inherit", "8 frames, 6000 of 8000 particles", moved, moved_spec)
     page = tbdcore.page("mda_tbd")
     for name, p in {
         "proposed": page.Filter(),

@@ -136,8 +136,9 @@ def rows():
     """The rows of the table: kernels, then whole trials."""
     for kernel, spec, args in kernels():
         peer = best(NUMPY[kernel.__name__], *args)
+        where = kernel.__module__.rpartition(".")[2]
         yield Row(
-            kernel.__name__,
+            f"{where}.{kernel.__name__}",
             f"{N} particles",
             best(kernel, *args),
             best(spec, *args, repeat=1),

@@ -30,6 +30,7 @@ def rows():
         motion.step_acceleration(1.0, 1.0),
     )
     D, weights = ljipda_ai.gate_tracks(x, P, 400.0, 1e-7)[2], rng.dirichlet(np.ones(6), 3)
+    plots = x[:1, ::2] + 50.0 * rng.normal(size=(5, 2))
     place, z = 10.0 + rng.random((2, 50)), rng.standard_exponential((20, 20))
     patch = z, *place, np.full(50, 4.0), mda_tbd.Spread(1.44, 0.11, 2, 6)
     gate = 0.01, (0.3, 0.8), (250010.0, -1.3), (900.0, 0.11), (150.0, 0.0349), 0.02, 0
@@ -45,7 +46,12 @@ def rows():
         "update_mixture": (
             ljipda_ai,
             "3 tracks, 5 plots",
-            (x, P, D, x[:1, ::2] + 50.0 * rng.normal(size=(5, 2)), weights),
+            (x, P, D, plots, weights),
+        ),
+        "look": (
+            ljipda_ai,
+            "3 tracks, 5 plots",
+            (plots, np.arange(5), x[:, ::2], D, weights, np.full(3, 0.5), 16.0),
         ),
         "coherent_log_ratio": (mda_tbd, "50 particles, 5 x 13 cells", patch),
     }

@@ -68,7 +68,7 @@ def checked(function=None, *, inside=None):
     parameters = [
         p.replace(annotation=_rule_of(p.annotation)) for p in signature.parameters.values()
     ]
-    rules = [(p.annotation, f"{where}: {p.name}") for p in parameters]
+    rules = [(n, p.annotation.__call__, f"{where}: {p.name}") for n, p in enumerate(parameters)]
     defaults = [p.default for p in parameters if p.default is not p.empty]
 
     @functools.wraps(plain)
@@ -76,9 +76,7 @@ def checked(function=None, *, inside=None):
         if named or len(args) != len(rules):
             args = _completed(signature, defaults, args, named)
         sizes = {}
-        return function(
-            *[rule(name, a, sizes) for (rule, name), a in zip(rules, args, strict=True)]
-        )
+        return function(*[rule(name, args[n], sizes) for n, rule, name in rules])
 
     call.__signature__ = signature.replace(parameters=parameters)  # help shows the rules
     if compiled:
@@ -133,60 +131,68 @@ class Numbers(Rule):
 
     def __init__(self, *shape, low=-MOST, high=MOST, nan=False, single=False, in_place=False):
         self.any_axes = shape[:1] == (...,)
-        self.shape = [_size(size) for size in shape[self.any_axes :]]
+        last = shape[self.any_axes :]
+        self.axes = [(k - len(last), *_size(size)) for k, size in enumerate(last)]
         sizes = ["..." if size is ... else str(size) for size in shape]
         self.words = ", ".join(sizes) + "," * (len(shape) == 1)
         self.about = ", ".join(sizes + _limits_of(low, high))
         self.low, self.high, self.nan = None if low is None else float(low), float(high), nan
-        self.single, self.in_place = single, in_place
+        self.in_place = in_place
+        self.dtypes = (self.dtype, _SINGLE) if single or in_place else (self.dtype,)
 
     def __call__(self, name, values, sizes):
         a = values
-        if type(a) is not Array or not (
-            a.dtype == self.dtype or (self.single or self.in_place) and a.dtype == _SINGLE
-        ):
+        if type(a) is not Array or a.dtype is not self.dtype:
             a = self._converted(name, values)
         if not a.flags.carray:
             a = self._in_order(name, a)
-        stack = max(a.ndim - len(self.shape), 0) if self.any_axes else 0
-        if a.ndim != stack + len(self.shape) or not self._fits(a.shape[stack:], sizes):
-            so_far = ", ".join(
-                f"{k} = {v}" for k, v in sizes.items() if k in self.words and k != "..."
-            )
-            so_far = f" with {so_far}" if so_far else ""
-            raise ValueError(
-                f"{name}: shape {a.shape} is not ({self.words}){so_far}; "
-                "reshape or transpose the array"
-            )
-        if stack:
-            sizes["..."] = self._stacked(name, a.shape[:stack], sizes.get("...", ()))
+        shape = a.shape
+        if len(shape) != len(self.axes):
+            self._stack(name, shape, sizes)
+        for axis, word, more in self.axes:
+            size = shape[axis] - more
+            if size != (sizes.setdefault(word, size) if word else 0):
+                raise self._misfit(name, shape, sizes)
         if self.low is not None:
             self.limit(name, a)
         return a
 
-    def _stacked(self, name, stack, others):
-        """Leading axes of the stacks of a call, this one and those of the arguments before it."""
+    def _misfit(self, name, shape, sizes):
+        so_far = ", ".join(f"{k} = {v}" for k, v in sizes.items() if k in self.words and k != "...")
+        so_far = f" with {so_far}" if so_far else ""
+        words = f"shape {shape} is not ({self.words}){so_far}; reshape or transpose the array"
+        return ValueError(f"{name}: {words}")
+
+    def _stack(self, name, shape, sizes):
+        """Note the leading axes of an array, which those before it must fit; or ValueError."""
+        many = len(shape) - len(self.axes)
+        if many < 0 or not self.any_axes:
+            raise self._misfit(name, shape, sizes)
+        stack = shape[:many]
+        others = sizes.setdefault("...", stack)
         if stack == others:
-            return stack
+            return
         try:
-            return np.broadcast_shapes(stack, others)
+            sizes["..."] = np.broadcast_shapes(stack, others)
         except ValueError:
             words = f"a stack of {stack}, but of {others} before it; give one, or as many"
             raise ValueError(f"{name}: {words}") from None
 
     def limit(self, name, a):
         """ValueError unless all elements are in [low, high]."""
-        if _outside(a.ravel(), self.low, self.high, self.nan):
+        if _outside(a, self.low, self.high, self.nan):
             self._refuse(name, a)
 
     def _converted(self, name, values):
         """The values as an array of the rule's type."""
+        if type(values) is Array and values.dtype in self.dtypes:
+            return values
         if self.in_place:
             raise ValueError(f"{name}: changed in place; give an array of floats")
         a = array(name, values)
         if a.size and a.dtype.kind not in self.kinds:
             raise ValueError(f"{name}: values of type {a.dtype}; give {self.wanted}")
-        if a.dtype == self.dtype or self.single and a.dtype == _SINGLE:
+        if a.dtype in self.dtypes:
             return a
         with np.errstate(over="ignore"):  # of a wider type: infinity, which is refused
             converted = a.astype(self.dtype)
@@ -200,12 +206,6 @@ class Numbers(Rule):
         if not a.flags.writeable:
             raise ValueError(f"{name}: changed in place, but read-only; give a copy")
         return a
-
-    def _fits(self, shape, sizes):
-        for size, (word, more) in zip(shape, self.shape, strict=True):
-            if size != (sizes.setdefault(word, size - more) + more if word else more):
-                return False
-        return True
 
     def _refuse(self, name, a):
         wide = a.astype(float)  # in float32 the limits would overflow
@@ -255,6 +255,8 @@ class Number(Rule):
 
     def __call__(self, name, value, sizes=None):
         x = value
+        if type(x) is float and self.low <= x <= self.high:
+            return x
         if type(x) is not float and isinstance(x, np.generic) or type(x) is Array and not x.ndim:
             x = x.item()  # float32 has other limits
         whole = isinstance(x, int) and not isinstance(x, bool) and abs(x) <= MOST
@@ -283,6 +285,8 @@ class Integer(Number):
         super().__init__(low, high)
 
     def __call__(self, name, value, sizes=None):
+        if type(value) is int and self.low <= value <= self.high:
+            return value
         try:
             n = operator.index(value)
         except TypeError:
@@ -388,9 +392,9 @@ def integers(name: str, values: Any, *shape: Any, low: Any = None, high: float =
 
 
 @kernel
-def _outside(flat, low, high, nan):
+def _outside(a, low, high, nan):
     """How many elements are not in [low, high]; NaN is not, unless ``nan``."""
-    inside = 0
+    flat, inside = a.ravel(), 0
     for n in range(flat.size):
         v = flat[n]
         inside += ((v >= low) & (v <= high)) | (nan & (v != v))

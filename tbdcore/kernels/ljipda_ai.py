@@ -788,7 +788,22 @@ class Seen(NamedTuple):
     loud: float = 0.0  # of these, with more power than half of the noise has
 
 
+def look_spec(z, gated, zhat, S, beta, expected, gamma):
+    """All tracks and plots at once."""
+    area = math.pi * gamma * np.sqrt(np.linalg.det(S))
+    claims = beta[:, 1:]
+    sums = [expected.sum(), (expected * (1 - expected)).sum(), area.sum(), area.max(initial=0.0)]
+    sums.append(claims.sum())
+    sight = zhat / np.hypot(*zhat.T)[:, None]
+    for axis in (sight, sight[:, ::-1] * (-1.0, 1.0)):
+        off = np.einsum("tmi,ti->tm", z[gated] - zhat[:, None], axis)
+        variance = np.einsum("ti,tij,tj->t", axis, S, axis)
+        sums.append((claims * off**2 / variance[:, None]).sum())
+    return Seen(z, len(gated), *sums)
+
+
 @checked
+@kernel
 def look(
     z: Annotated[ArrayLike, Numbers("M", 2, low=-math.inf, high=math.inf)],
     gated: Annotated[ArrayLike, Integers("C", low=0)],
@@ -804,18 +819,27 @@ def look(
     S : (T, 2, 2) their covariances; beta : (T, C + 1) weights, first that of no plot;
     expected : (T,) P_D P_G times the predicted existence; gamma : squared size of a gate
     """
-    if (gated >= len(z)).any() or not np.isfinite(z[gated]).all():
-        raise ValueError("ljipda_ai.look: gated: give indices of plots z that are finite")
-    area = math.pi * gamma * np.sqrt(np.linalg.det(S))
-    claims = beta[:, 1:]
-    sums = [expected.sum(), (expected * (1 - expected)).sum(), area.sum(), area.max(initial=0.0)]
-    sums.append(claims.sum())
-    sight = zhat / np.hypot(*zhat.T)[:, None]
-    for axis in (sight, sight[:, ::-1] * (-1.0, 1.0)):
-        off = np.einsum("tmi,ti->tm", z[gated] - zhat[:, None], axis)
-        variance = np.einsum("ti,tij,tj->t", axis, S, axis)
-        sums.append((claims * off**2 / variance[:, None]).sum())
-    return Seen(z, len(gated), *map(float, sums))
+    for m in gated:
+        if m >= len(z) or not abs(z[m, 0]) + abs(z[m, 1]) < np.inf:
+            raise ValueError("ljipda_ai.look: gated: give indices of plots z that are finite")
+    spread, area, largest, claims, along, across = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for t in range(len(zhat)):
+        spread += expected[t] * (1.0 - expected[t])
+        det = S[t, 0, 0] * S[t, 1, 1] - S[t, 0, 1] * S[t, 1, 0]
+        own = math.pi * gamma * math.sqrt(max(det, 0.0))  # rounding may leave it negative
+        area, largest = area + own, max(largest, own)
+        r = math.hypot(zhat[t, 0], zhat[t, 1])
+        c, s = zhat[t, 0] / r, zhat[t, 1] / r  # of the line of sight
+        both = 2.0 * c * s * S[t, 0, 1]
+        var_along = c * c * S[t, 0, 0] + both + s * s * S[t, 1, 1]
+        var_across = s * s * S[t, 0, 0] - both + c * c * S[t, 1, 1]
+        for m in range(len(gated)):
+            dx, dy = z[gated[m], 0] - zhat[t, 0], z[gated[m], 1] - zhat[t, 1]
+            claims += beta[t, m + 1]
+            along += beta[t, m + 1] * (c * dx + s * dy) ** 2 / var_along
+            across += beta[t, m + 1] * (c * dy - s * dx) ** 2 / var_across
+    total = expected.sum()
+    return Seen(z, len(gated), total, spread, area, largest, claims, along, across, 0.0, 0.0)
 
 
 class DensityRule(Number):

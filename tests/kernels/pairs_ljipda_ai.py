@@ -51,6 +51,12 @@ def _weighted(seed, T, M):
     return x, P, P[:, ::2, ::2] + 400.0 * np.eye(2), rng.uniform(-3e4, 3e4, (M, 2)), weights
 
 
+def _seen(seed, T, M):
+    z, zhat, S, gamma, _ = _gates(seed, T, M)
+    rng, gated = np.random.default_rng(seed + 3), np.arange(0, M, 2)
+    return z, gated, zhat, S, rng.random((T, len(gated) + 1)), rng.random(T), gamma
+
+
 SIZES = [(1, 0), (1, 1), (2, 5), (4, 3)]
 AMPLITUDE = ljipda_ai.amplitude_ratio, ljipda_ai.amplitude_ratio_spec
 CLUSTERED = ljipda_ai.clustered_jipda, ljipda_ai.clustered_jipda_spec
@@ -108,6 +114,15 @@ CASES += [
         lambda T=T, M=M: _gates(T + M, T, M),
     )
     for T, M in ((1, 0), (1, 1), (3, 200), (2, 40))
+]
+CASES += [
+    (
+        f"look {T}x{M}",
+        ljipda_ai.look,
+        ljipda_ai.look_spec,
+        lambda T=T, M=M: _seen(T + M, T, M),
+    )
+    for T, M in ((0, 3), *SIZES)
 ]
 CASES += [
     (

@@ -83,12 +83,12 @@ STEP = (np.zeros(1, int), np.zeros((1, 5)), PI, 1.0, np.zeros(1), np.zeros((1, 2
 @pytest.mark.parametrize(
     ("at", "value", "words"),
     [
-        (0, np.array([3]), "transition: a regime r is not 0, 1, 2"),
-        (0, np.array([-1]), "transition: a regime r is not 0, 1, 2"),
+        (0, np.array([3]), r"transition: r\[0\]: -?\d is not in \[0, 2\]"),
+        (0, np.array([-1]), r"transition: r\[0\]: -?\d is not in \[0, 2\]"),
         (2, PI + 0.1, "row of Pi"),
         (2, np.array([[2.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "row of Pi"),
-        (4, np.ones(1), "u not in"),
-        (4, np.full(1, -0.1), "u not in"),
+        (4, np.ones(1), "u is not in"),
+        (4, np.full(1, -0.1), "u is not in"),
         (6, TURNS[:1], r"turns: shape \(1, 2\)"),
         (6, -TURNS, "pair of intervals"),
     ],
