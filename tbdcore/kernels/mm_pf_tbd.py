@@ -355,21 +355,10 @@ class Resampled(NamedTuple):
     distinct: int  # different particles among those present
 
 
-@checked
 @kernel
-def resample(
-    r: Regimes,
-    S: Annotated[ArrayLike, Numbers("N", "d", low=None)],
-    W: Annotated[ArrayLike, Numbers("N", low=None)],
-    M: Annotated[int, Integer(0, LARGEST)],
-    u: Annotated[float, Number(0.0, 1.0 - 2.0**-53)],
-) -> Resampled:
-    """M copies of particles, by systematic resampling: :class:`Resampled`.
-
-    r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states; u : offset in [0, 1), one draw
-    W : (N,) weights, finite, none negative, one at least positive; they need not sum to one
-    """
-    ancestors, d = systematic(W, M, u), S.shape[1]
+def _copies(r, S, ancestors):
+    """The particles that ``ancestors`` (M,), ascending, tell to keep."""
+    M, d = ancestors.size, S.shape[1]
     regimes, states = np.empty(M, r.dtype), np.empty((M, d))
     counts, total = np.zeros(3, np.int64), np.zeros(d)
     distinct, before = 0, -1
@@ -384,3 +373,19 @@ def resample(
             total[i] += v if a > 0 else 0.0
     mean = total / (M - counts[0])
     return Resampled(ancestors, regimes, states, counts, mean, distinct)
+
+
+@checked
+def resample(
+    r: Regimes,
+    S: Annotated[ArrayLike, Numbers("N", "d", low=None)],
+    W: Annotated[ArrayLike, Numbers("N", low=None)],
+    M: Annotated[int, Integer(0, LARGEST)],
+    u: Annotated[float, Number(0.0, 1.0 - 2.0**-53)],
+) -> Resampled:
+    """M copies of particles, by systematic resampling: :class:`Resampled`.
+
+    r : (N,) regimes 0 (absent), 1 and 2; S : (N, d) states; u : offset in [0, 1), one draw
+    W : (N,) weights, finite, none negative, one at least positive; they need not sum to one
+    """
+    return _copies(r, S, systematic(W, M, u))
