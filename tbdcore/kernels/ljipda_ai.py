@@ -820,7 +820,7 @@ def look(
     expected : (T,) P_D P_G times the predicted existence; gamma : squared size of a gate
     """
     for m in gated:
-        if m >= len(z) or not abs(z[m, 0]) + abs(z[m, 1]) < np.inf:
+        if m >= len(z) or not (abs(z[m, 0]) < np.inf and abs(z[m, 1]) < np.inf):
             raise ValueError("ljipda_ai.look: gated: give indices of plots z that are finite")
     spread, area, largest, claims, along, across = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for t in range(len(zhat)):

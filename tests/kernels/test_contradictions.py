@@ -34,6 +34,12 @@ def test_a_look_at_a_scan_is_what_a_count_by_hand_gives():
     np.testing.assert_allclose(found[1:], by_hand, rtol=1e-12)
 
 
+def test_a_look_takes_a_plot_whose_coordinates_are_finite_but_not_their_sum():
+    z, no_track = np.array([[1e308, -1e308]]), np.empty((0, 2))
+    nothing = np.empty((0, 2, 2)), np.empty((0, 2)), np.empty(0)
+    assert ljipda_ai.look(z, np.array([0]), no_track, *nothing, 16.0).gated == 1
+
+
 @pytest.mark.parametrize(
     ("n", "p_detect", "gated", "named"),
     [
