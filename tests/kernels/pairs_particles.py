@@ -9,6 +9,11 @@ def weights(n, seed=0):
     return np.random.default_rng(seed).random(n) ** 6
 
 
+def ends_at_arrows(M, u):
+    """Weights whose cumulative sums are the arrows, to rounding, and a last one."""
+    return np.diff(np.append(0.0, np.append(np.arange(M) + u, M)))
+
+
 CASES = [
     ("systematic", particles.systematic, particles.systematic_spec, args)
     for args in (
@@ -21,6 +26,8 @@ CASES = [
         lambda: (np.array([0.0, 0.0, 1e-190]), 9, 0.0),
         lambda: (np.full(3, 1e190), 9, 0.5),
         lambda: (np.zeros(9) + (np.arange(9) == 8), 4, np.nextafter(1.0, 0.0)),
+        lambda: (ends_at_arrows(300, 0.3), 300, 0.3),  # a particle that ends there is not chosen
+        lambda: (ends_at_arrows(300, 2.0**-53), 300, 2.0**-53),
     )
 ]
 

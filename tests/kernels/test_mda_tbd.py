@@ -38,6 +38,18 @@ def test_log_bessel_is_as_accurate_as_it_says(x, most):
     np.testing.assert_allclose(ours, np.log(i0e(x)) + x, rtol=1e-15, atol=most)
 
 
+def test_the_sum_over_amplitudes_begins_at_most_4_steps_below_its_largest_term():
+    """Terms exp(-b**2 energy) prod I0(b x) by scipy, at b = (j + 0.5) width."""
+    rng, table, below = np.random.default_rng(7), mda_tbd._bessel_table(), set()
+    for _ in range(5000):
+        x, energy, width = rng.uniform(0.0, 4.0, 3), rng.uniform(0.5, 2.0), rng.uniform(0.02, 1.0)
+        b = width * (np.arange(400) + 0.5)
+        terms = np.log(i0e(np.outer(b, x))) + np.outer(b, x)
+        largest = int((terms.sum(axis=1) - b**2 * energy).argmax())
+        below.add(largest - mda_tbd._near_maximum(x, energy, width, table))
+    assert below == {0, 1, 2, 3, 4}
+
+
 def test_power_beyond_the_limit_of_the_coherent_ratio_is_refused():
     place, snr, spread = np.array([2.0]), np.array([3.0]), mda_tbd.Spread(1.44, 0.11, 1, 1)
     z = np.full((3, 3), 1e8)
