@@ -24,6 +24,12 @@ def test_a_masked_array_is_refused_and_not_stripped_of_its_mask(check):
     assert np.array_equal(check("frames", z.filled(0), *shape), [0, 1, 0])
 
 
+def test_integers_have_the_limits_of_their_type():
+    assert checks.integers("n", [2**63 - 1], 1, low=0) == 2**63 - 1
+    with pytest.raises(ValueError, match=r"^n\[1\]: -1 is not in \[0, 9.22337e\+18\]$"):
+        checks.integers("n", [0, -1], "N", low=0)
+
+
 @pytest.mark.parametrize("kind", [np.float16, np.float32, np.int8, float])
 def test_a_number_of_any_type_is_compared_with_limits_beyond_its_own(kind):
     with warnings.catch_warnings():

@@ -111,3 +111,12 @@ def test_a_density_is_named_beyond_its_factor_its_chance_and_three_plots(
     """
     total = ljipda_ai.Seen(None, gated, 0.0, spread, 1.0, 1.0, 0.0, 0.0, 0.0)
     assert (ljipda_ai._other_density(total, clutter) is not None) == said
+
+
+@pytest.mark.parametrize(
+    ("free", "loud", "said"),
+    [(100, 71, None), (100, 73, "73%"), (100, 29, None), (100, 27, "27%"), (59, 59, None)],
+)
+def test_a_unit_is_named_with_the_share_of_false_plots_beyond_the_median(free, loud, said):
+    words = ljipda_ai._other_unit(seen(free=free, loud=loud))
+    assert words is None if said is None else f": {said} of the false plots" in words
