@@ -306,6 +306,16 @@ def test_the_blur_of_bright_places(blur, law):
     assert found.value == pytest.approx([width, width], abs=0.05 * width + 3 * found.se.max())
 
 
+def test_the_error_of_a_blur_is_what_it_varies_by():
+    values, errors = [], []
+    for seed in range(60):
+        white, path = noise.gaussian((20, 30, 30), rng(seed)), 15 + rng(seed).random((20, 2))
+        of = recording.blur_of(recording.inject(white, path, 60.0, 1.0, rng()), eta=20.0)
+        values.append(of.value)
+        errors.append(of.se)
+    assert np.std(values, axis=0) / np.mean(errors, axis=0) == pytest.approx(1.0, abs=0.3)
+
+
 def test_without_bright_places_there_is_no_blur():
     with pytest.warns(Misfit, match="not measurable"):
         found = recording.blur_of(noise.gaussian((5, 30, 30), rng()), eta=8.0)
