@@ -97,11 +97,12 @@ def systematic(
             last = n
     if not LEAST <= total <= MOST:
         raise ValueError("particles.systematic: W has a negative weight or NaN, or is all 0")
-    ancestors, step = np.empty(M, np.int64), total / M
-    n, end = 0, W[0]
-    for m in range(M):
-        while n < last and end <= (m + u) * step:
-            n += 1
-            end += W[n]
-        ancestors[m] = n
-    return ancestors
+    step, end = total / M, 0.0
+    passed = np.zeros(M + 1, np.int64)  # [m]: particles that end between arrows m - 1 and m
+    for n in range(last):
+        end += W[n]
+        m = min(int(end / step - u + 1.0), M)  # arrows before its end; rounding may add one
+        if (m - 1 + u) * step >= end:
+            m -= 1
+        passed[m] += 1
+    return np.cumsum(passed[:M])
