@@ -524,13 +524,29 @@ def _clusters(log_ratio):
     """Label (T,) of each track's cluster: the first of the tracks that it shares plots with,
     directly or through others.
     """
-    label = np.arange(len(log_ratio))
-    for m in range(log_ratio.shape[1]):
-        near = np.flatnonzero(log_ratio[:, m] > -np.inf)
-        for t in near[1:]:
-            low, high = min(label[t], label[near[0]]), max(label[t], label[near[0]])
-            label[label == high] = low
+    T, M = log_ratio.shape
+    label = np.arange(T)
+    for m in range(M):
+        first = -1
+        for t in range(T):
+            if log_ratio[t, m] == -np.inf:
+                continue
+            first = t if first < 0 else first
+            low, high = min(label[t], label[first]), max(label[t], label[first])
+            for i in range(T):
+                if label[i] == high:
+                    label[i] = low
     return label
+
+
+@kernel
+def _plots_of(tracks, log_ratio):
+    """Indices of the plots that one of the tracks may take."""
+    seen = np.zeros(log_ratio.shape[1], np.bool_)
+    for t in tracks:
+        for m in range(seen.size):
+            seen[m] |= log_ratio[t, m] != -np.inf
+    return np.flatnonzero(seen)
 
 
 @checked
@@ -549,15 +565,16 @@ def clustered_jipda(log_ratio: LogRatio, existence: Existence, detect: Detection
             continue
         if own.size > MAX_TRACKS:
             raise ValueError("x: over 16 tracks share plots, the limit of joint events; use LM-AI")
-        seen = np.zeros(M, np.bool_)
-        for t in own:
-            seen |= log_ratio[t] > -np.inf
-        plots = np.flatnonzero(seen)
-        part, alive = jipda(log_ratio[own][:, plots], existence[own], detect[own])
+        plots = _plots_of(own, log_ratio)
+        part = np.empty((own.size, plots.size))
         for i, t in enumerate(own):
-            posterior[t], beta[t, 0] = alive[i], part[i, 0]
             for j, m in enumerate(plots):
-                beta[t, m + 1] = part[i, j + 1]
+                part[i, j] = log_ratio[t, m]
+        weights, alive = jipda(part, existence[own], detect[own])
+        for i, t in enumerate(own):
+            posterior[t], beta[t, 0] = alive[i], weights[i, 0]
+            for j, m in enumerate(plots):
+                beta[t, m + 1] = weights[i, j + 1]
     return beta, posterior
 
 
