@@ -115,7 +115,14 @@ def test_a_density_is_named_beyond_its_factor_its_chance_and_three_plots(
 
 @pytest.mark.parametrize(
     ("free", "loud", "said"),
-    [(100, 71, None), (100, 73, "73%"), (100, 29, None), (100, 27, "27%"), (59, 59, None)],
+    [
+        (100, 71, None),
+        (100, 73, "73%"),
+        (100, 29, None),
+        (100, 27, "27%"),
+        (59, 59, None),
+        (60, 60, "100%"),
+    ],
 )
 def test_a_unit_is_named_with_the_share_of_false_plots_beyond_the_median(free, loud, said):
     words = ljipda_ai._other_unit(seen(free=free, loud=loud))

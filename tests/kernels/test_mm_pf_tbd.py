@@ -241,6 +241,13 @@ def test_weights_that_are_none_are_refused(W):
         mm_pf_tbd.resample(r, S, np.array(W), 3, 0.5)
 
 
+def test_an_offset_of_one_is_refused():
+    r, S, W = np.ones(2, int), np.ones((2, 5)), np.ones(2)
+    with pytest.raises(ValueError, match="resample: u: 1.0 is no number in"):
+        mm_pf_tbd.resample(r, S, W, 3, 1.0)
+    assert mm_pf_tbd.resample(r, S, W, 0, 0.5).ancestors.shape == (0,)
+
+
 @pytest.mark.parametrize(
     "Pi",
     [[[0.9, 0.2], [0.5, 0.5]], [[1.1, -0.1], [0.5, 0.5]], [[1.0, 0.0]], np.empty((0, 0))],

@@ -56,6 +56,15 @@ def test_boundary_weights(u):
     assert set(particles.systematic(pair, 64, u).tolist()) == {1, 2}
 
 
+def test_an_offset_is_below_one():
+    with pytest.raises(ValueError, match="systematic: u: 1.0 is no number in"):
+        particles.systematic(np.ones(3), 3, 1.0)
+
+
+def test_no_arrow_has_no_ancestor():
+    assert particles.systematic(np.ones(3), 0, 0.5).shape == (0,)
+
+
 def test_equal_weights_are_kept():
     assert particles.systematic(np.full(2000, 1 / 2000), 2000, 0.5).tolist() == list(range(2000))
 
