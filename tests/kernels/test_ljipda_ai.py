@@ -351,6 +351,19 @@ def test_too_many_tracks_are_refused_before_memory_is():
     np.testing.assert_allclose(beta.sum(axis=1), 1.0)
 
 
+def test_a_cluster_has_at_most_16_tracks():
+    """Two clusters of 16 that share a plot each; a seventeenth track in one of them."""
+    log_ratio = np.full((33, 2), -np.inf)
+    log_ratio[:16, 0] = log_ratio[16:, 1] = 1.0
+    even = np.full(33, 0.5)
+    beta, existence = ljipda_ai.clustered_jipda(log_ratio[:32], even[:32], even[:32])
+    each = jipda(log_ratio[:16], even[:16], even[:16])
+    assert np.array_equal(beta[:16], each[0])
+    assert np.array_equal(existence[16:], each[1])
+    with pytest.raises(ValueError, match="^x: over 16 tracks share plots"):
+        ljipda_ai.clustered_jipda(log_ratio, even, even)
+
+
 def test_kept_rmse_and_its_error():
     rng = np.random.default_rng(1)
     e, kept = rng.normal(size=(4000, 3, 2, 2)) * [1.0, 3.0], rng.random((4000, 2)) < 0.7
