@@ -152,8 +152,8 @@ FAULTS = [
     Plant(
         "a resampler off by one",
         "tbdcore/particles.py",
-        "while n < last and end <= (m + u) * step:",
-        "while n < last and end <= (m + 1 + u) * step:",
+        "if (m - 1 + u) * step >= end:",
+        "if (m + u) * step >= end:",
         "kernels/test_particles.py::test_copies_differ_from_their_mean_by_less_than_one",
     ),
     Plant(
